@@ -162,7 +162,8 @@ fn maxima(
     for k in 3..len - 3 {
         let g = gradient[k];
         let size = g.abs();
-        if size < threshold || size < (gradient[k - 1] * g.signum()) || size <= (gradient[k + 1] * g.signum()) {
+        if size < threshold || size < (gradient[k - 1] * g.signum()) || size <= (gradient[k + 1] * g.signum())
+        {
             continue;
         }
         let (before, after) = (gradient[k - 1], gradient[k + 1]);
@@ -175,7 +176,8 @@ fn maxima(
         let contrast = f64::from(g / STEP) * ns.signum();
         out.push(EdgeCandidate { offset, contrast });
         if out.len() - begin > max_candidates {
-            let weakest = (begin..out.len()).min_by(|&a, &b| out[a].contrast.abs().total_cmp(&out[b].contrast.abs()));
+            let weakest =
+                (begin..out.len()).min_by(|&a, &b| out[a].contrast.abs().total_cmp(&out[b].contrast.abs()));
             if let Some(weakest) = weakest {
                 out.remove(weakest);
             }
@@ -256,7 +258,9 @@ mod tests {
     fn lines_outside_or_at_the_border_never_panic() {
         let image = half_plane(Vector2::new(1.0, 0.0), 30.0);
         let mut found = vec![];
-        for (x, y) in [(-1.0, 5.0), (0.0, 0.0), (63.0, 63.0), (63.4, 10.0), (f64::NAN, 3.0), (1e300, 0.0), (5.0, 62.6)] {
+        for (x, y) in
+            [(-1.0, 5.0), (0.0, 0.0), (63.0, 63.0), (63.4, 10.0), (f64::NAN, 3.0), (1e300, 0.0), (5.0, 62.6)]
+        {
             for angle in 0..48 {
                 let (s, c) = vt_core::math::sin_cos(f64::from(angle) * 0.131);
                 for range in [0.0, 0.4, 7.0, 90.0, 1e9, f64::NAN] {
