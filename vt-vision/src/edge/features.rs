@@ -1,11 +1,13 @@
 //! Feature-level measurement: distances of image edges from the model's contour along its normals.
 
 use nalgebra::{DefaultAllocator, Point3, Vector2};
-use vt_core::agent::{Projected, Warp};
+use vt_core::agent::{Posed, Warp};
 use vt_core::manifold::{Alloc, Manifold, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 
-/// One contour point with the edge that belongs to it.
+use super::mixture::EdgeMixture;
+
+/// One contour point with the edge that was matched to it.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeRow {
     /// Point of the contour on the model, body coordinates, metres.
@@ -14,7 +16,9 @@ pub struct EdgeRow {
     pub normal: Vector2<f64>,
     /// Position of the edge along the normal, `n · m`, pixels.
     pub position: f64,
-    /// Inverse variance times the probability that this edge is the right one, 1/px².
+    /// Variance of the localisation in px², neighbouring rows' correlation included.
+    pub variance: f64,
+    /// Probability that this is the right edge.
     pub weight: f64,
 }
 
@@ -26,12 +30,9 @@ pub struct EdgeFeatures<P: Manifold, W: Warp<P, Body = Point3<f64>>>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    pub(super) warp: W,
-    pub(super) points: Vec<Point3<f64>>,
+    /// Matched edges; the mixture behind them answers for quality.
     pub(super) rows: Vec<EdgeRow>,
-    pub(super) quality: Quality,
-    pub(super) sigma: f64,
-    pub(super) pose: core::marker::PhantomData<fn() -> P>,
+    pub(super) mixture: EdgeMixture<P, W>,
 }
 
 impl<P: Manifold, W: Warp<P, Body = Point3<f64>>> EdgeFeatures<P, W>
@@ -43,19 +44,52 @@ where
         &self.rows
     }
 
-    /// Calls `f(residual, Jacobian, weight)` for every row that can be projected.
-    pub(super) fn each(
-        &self,
-        at: &P,
-        projected: &mut Projected<P>,
-        mut f: impl FnMut(f64, Tangent<P>, f64),
-    ) {
-        self.warp.project(at, &self.points, projected);
-        for (k, row) in self.rows.iter().enumerate() {
-            if projected.valid[k] {
-                let r = row.position - row.normal.dot(&projected.points[k].coords);
-                f(r, projected.jacobians[k].tr_mul(&row.normal), row.weight);
+    /// Calls `f(residual, Jacobian, row)` for every row that can be projected.
+    fn each(&self, at: &P, mut f: impl FnMut(f64, Tangent<P>, &EdgeRow)) {
+        let posed = self.mixture.warp.at(at);
+        for row in &self.rows {
+            if let Some((y, j)) = posed.linearize(&row.point) {
+                f(row.position - row.normal.dot(&y.coords), j.tr_mul(&row.normal), row);
             }
         }
+    }
+}
+
+impl<P: Manifold, W: Warp<P, Body = Point3<f64>>> Measurement<P> for EdgeFeatures<P, W>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
+        for (pose, l) in poses.iter().zip(out) {
+            let posed = self.mixture.warp.at(pose);
+            *l = -0.5
+                * self
+                    .rows
+                    .iter()
+                    .filter_map(|row| Some((row, posed.locate(&row.point)?)))
+                    .map(|(row, y)| {
+                        let r = row.position - row.normal.dot(&y.coords);
+                        r * r * row.weight / row.variance
+                    })
+                    .sum::<f64>();
+        }
+    }
+
+    fn residuals(&self, at: &P, out: &mut Linearized<P>) {
+        out.clear();
+        self.each(at, |r, j, row| out.push(r, j, row.variance, row.weight));
+    }
+
+    fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>) {
+        out.clear();
+        self.each(at, |r, j, row| out.add(r, &j, row.weight / row.variance));
+    }
+
+    fn quality(&self, at: &P) -> Quality {
+        self.mixture.quality(at)
+    }
+
+    fn level(&self) -> Level {
+        Level::Feature
     }
 }

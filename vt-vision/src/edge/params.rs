@@ -71,7 +71,11 @@ impl EdgeParams {
     /// [`ConfigError::Parameter`] with the first parameter that is out of its range.
     pub fn check(self) -> Result<Self, ConfigError> {
         let positive = |key, v: f64| {
-            if v > 0.0 && v.is_finite() { Ok(()) } else { Err(ConfigError::parameter(key, v, "a positive number")) }
+            if v > 0.0 && v.is_finite() {
+                Ok(())
+            } else {
+                Err(ConfigError::parameter(key, v, "a positive number"))
+            }
         };
         positive("min_contrast", self.min_contrast)?;
         positive("sigma", self.sigma)?;
@@ -82,7 +86,11 @@ impl EdgeParams {
         let longest = crate::edge_search::MAX_REACH as f64 / core::f64::consts::SQRT_2;
         if !(self.range[0] <= self.range[1] && self.range[1] <= longest) {
             let found = format!("[{}, {}]", self.range[0], self.range[1]);
-            return Err(ConfigError::parameter("range", found, format!("ascending and at most {longest:.0} px")));
+            return Err(ConfigError::parameter(
+                "range",
+                found,
+                format!("ascending and at most {longest:.0} px"),
+            ));
         }
         if !(self.miss_probability > 0.0 && self.miss_probability < 1.0) {
             let expected = "a probability between 0 and 1, both excluded";
