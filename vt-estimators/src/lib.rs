@@ -1,1 +1,3 @@
-//! Placeholder.
+//! Bayesian estimators on manifolds.
+pub mod kalman;
+pub mod map;
