@@ -76,6 +76,11 @@ where
         differences(self.dim(), |e| y.local(&self.retract(e).retract(d)))
     }
 
+    /// Names and lengths of the parts of a tangent vector, in order, for messages.
+    fn blocks(&self) -> Vec<(String, usize)> {
+        vec![("tangent".into(), self.dim().value())]
+    }
+
     /// The zero tangent vector.
     fn zero(&self) -> Tangent<Self> {
         OVector::zeros_generic(self.dim(), U1)
