@@ -1,1 +1,3 @@
-//! Placeholder.
+//! What is tracked: shapes, edges, cameras, visibility.
+
+pub mod mesh;
