@@ -1,1 +1,17 @@
-//! Placeholder.
+//! Contracts and value types of model-based visual tracking.
+
+pub mod agent;
+pub mod belief;
+pub mod dynamics;
+pub mod error;
+pub mod evidence;
+pub mod frame;
+pub mod lie;
+pub mod manifold;
+pub mod math;
+pub mod measurement;
+pub mod report;
+pub mod sketch;
+pub mod time;
+
+pub use nalgebra;

@@ -1,0 +1,214 @@
+//! Gaussian beliefs on manifolds.
+
+use nalgebra::{Cholesky, DefaultAllocator, Dim, DimAdd, DimSum, U1};
+
+use crate::manifold::{Alloc, Manifold, Square, Tangent};
+use crate::math;
+
+/// A belief `x = mean ⊞ d`, `d ~ N(0, covariance)`: the covariance lives in the tangent space at the mean, in the
+/// tangent order of the space (SE(3): translation in metres first, then rotation in radians).
+#[derive(Clone, Debug)]
+pub struct Gaussian<M: Manifold>
+where
+    DefaultAllocator: Alloc<M::D>,
+{
+    /// The most probable point.
+    pub mean: M,
+    /// Covariance of the tangent error, symmetric positive semi-definite.
+    pub covariance: Square<M>,
+}
+
+impl<M: Manifold> Gaussian<M>
+where
+    DefaultAllocator: Alloc<M::D>,
+{
+    /// A belief with independent errors of the given standard deviations.
+    pub fn from_sigmas(mean: M, sigmas: &Tangent<M>) -> Self {
+        let mut covariance = Square::<M>::from_diagonal(sigmas);
+        for k in 0..sigmas.len() {
+            covariance[(k, k)] *= sigmas[k];
+        }
+        Self { mean, covariance }
+    }
+
+    /// Squared Mahalanobis length of the error of `truth`: `d = truth ⊟ mean`, `dᵀ P⁻¹ d` (NEES). Its mean is the
+    /// dimension when the belief is honest. `None` when the covariance is not positive definite.
+    pub fn nees(&self, truth: &M) -> Option<f64> {
+        let d = self.mean.local(truth);
+        let l = cholesky(self.covariance.clone())?;
+        Some(d.dot(&l.solve(&d)))
+    }
+
+    /// `ln det(D⁻¹ P D⁻¹) / n` with `D = diag(scale)`: spread per degree of freedom against a reference deviation.
+    /// `None` when the covariance is not positive definite.
+    pub fn scaled_log_det(&self, scale: &Tangent<M>) -> Option<f64> {
+        let n = scale.len();
+        let mut p = self.covariance.clone();
+        for r in 0..n {
+            for c in 0..n {
+                p[(r, c)] /= scale[r] * scale[c];
+            }
+        }
+        let l = cholesky(p)?;
+        let root = l.l_dirty();
+        Some((0..n).map(|k| 2.0 * math::ln(root[(k, k)])).sum::<f64>() / n as f64)
+    }
+
+    /// True when the mean and every entry of the covariance are finite.
+    pub fn is_finite(&self) -> bool {
+        self.mean.is_finite() && self.covariance.iter().all(|v| v.is_finite())
+    }
+}
+
+/// Cholesky factor of a symmetric matrix given by its lower triangle; `None` unless positive definite and finite.
+pub fn cholesky<D: Dim>(m: nalgebra::OMatrix<f64, D, D>) -> Option<Cholesky<f64, D>>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    if m.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    Cholesky::new(m)
+}
+
+/// Makes a matrix exactly symmetric by averaging it with its transpose.
+pub fn symmetrize<D: Dim>(m: &mut nalgebra::OMatrix<f64, D, D>)
+where
+    DefaultAllocator: Alloc<D>,
+{
+    for r in 0..m.nrows() {
+        for c in 0..r {
+            let v = 0.5 * (m[(r, c)] + m[(c, r)]);
+            m[(r, c)] = v;
+            m[(c, r)] = v;
+        }
+    }
+}
+
+/// A state that contains a pose; the pose's tangent coordinates come first.
+///
+/// Every pose is a state of its own (Brownian models), and [`Moving`] adds a velocity.
+pub trait State<P: Manifold>: Manifold
+where
+    DefaultAllocator: Alloc<P::D> + Alloc<Self::D>,
+{
+    /// The pose in this state.
+    fn pose(&self) -> &P;
+
+    /// The state with this pose and everything else at rest.
+    fn at_rest(pose: P) -> Self;
+
+    /// The state covariance of a pose covariance, the remaining coordinates at their a-priori deviations `rest`
+    /// (one value for each derivative order: velocity, acceleration).
+    fn spread(pose: &Gaussian<P>, rest: &[Tangent<P>]) -> Gaussian<Self>;
+}
+
+impl<P: Manifold> State<P> for P
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn pose(&self) -> &P {
+        self
+    }
+    fn at_rest(pose: P) -> Self {
+        pose
+    }
+    fn spread(pose: &Gaussian<P>, _: &[Tangent<P>]) -> Gaussian<Self> {
+        pose.clone()
+    }
+}
+
+/// A pose and its velocity, a tangent vector at the pose per second (SE(3): the body twist ν, `T(t+Δ) = T·Exp(νΔ)`).
+/// Tangent order: pose, velocity.
+#[derive(Clone, Debug)]
+pub struct Moving<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// Pose.
+    pub pose: P,
+    /// Velocity in tangent units per second.
+    pub velocity: Tangent<P>,
+}
+
+impl<P: Manifold> Manifold for Moving<P>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    type D = DimSum<P::D, P::D>;
+
+    fn dim(&self) -> Self::D {
+        self.pose.dim().add(self.pose.dim())
+    }
+
+    fn retract(&self, d: &Tangent<Self>) -> Self {
+        let n = self.pose.dim();
+        Self {
+            pose: self.pose.retract(&d.rows_generic(0, n).into_owned()),
+            velocity: &self.velocity + d.rows_generic(n.value(), n),
+        }
+    }
+
+    fn local(&self, other: &Self) -> Tangent<Self> {
+        let n = self.pose.dim();
+        let mut d = Tangent::<Self>::zeros_generic(self.dim(), U1);
+        d.rows_generic_mut(0, n).copy_from(&self.pose.local(&other.pose));
+        d.rows_generic_mut(n.value(), n).copy_from(&(&other.velocity - &self.velocity));
+        d
+    }
+
+    fn retract_jacobian(&self, d: &Tangent<Self>) -> Square<Self> {
+        let n = self.pose.dim();
+        let mut j = Square::<Self>::identity_generic(self.dim(), self.dim());
+        let block = self.pose.retract_jacobian(&d.rows_generic(0, n).into_owned());
+        j.generic_view_mut((0, 0), (n, n)).copy_from(&block);
+        j
+    }
+
+    fn transport(&self, d: &Tangent<Self>) -> Square<Self> {
+        let n = self.pose.dim();
+        let mut j = Square::<Self>::identity_generic(self.dim(), self.dim());
+        let block = self.pose.transport(&d.rows_generic(0, n).into_owned());
+        j.generic_view_mut((0, 0), (n, n)).copy_from(&block);
+        j
+    }
+}
+
+impl<P: Manifold> State<P> for Moving<P>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    fn pose(&self) -> &P {
+        &self.pose
+    }
+
+    fn at_rest(pose: P) -> Self {
+        let velocity = pose.zero();
+        Self { pose, velocity }
+    }
+
+    fn spread(pose: &Gaussian<P>, rest: &[Tangent<P>]) -> Gaussian<Self> {
+        let n = pose.mean.dim();
+        let mean = Self::at_rest(pose.mean.clone());
+        let mut covariance = Square::<Self>::zeros_generic(mean.dim(), mean.dim());
+        covariance.generic_view_mut((0, 0), (n, n)).copy_from(&pose.covariance);
+        if let Some(sigma) = rest.first() {
+            for k in 0..n.value() {
+                covariance[(n.value() + k, n.value() + k)] = sigma[k] * sigma[k];
+            }
+        }
+        Gaussian { mean, covariance }
+    }
+}
+
+/// The pose part of a state belief: mean and the leading block of the covariance.
+pub fn pose_marginal<P: Manifold, S: State<P>>(belief: &Gaussian<S>) -> Gaussian<P>
+where
+    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+{
+    let pose = belief.mean.pose().clone();
+    let n = pose.dim();
+    Gaussian { covariance: belief.covariance.generic_view((0, 0), (n, n)).into_owned(), mean: pose }
+}

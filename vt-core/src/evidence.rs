@@ -1,0 +1,185 @@
+//! Model-free evidence: what image processing makes of a frame, once, for all targets and modalities that ask.
+
+use core::any::{Any, type_name};
+
+use crate::error::MeasureError;
+use crate::frame::{Frame, Roi, SensorId};
+
+/// Name of a piece of evidence: what was computed, with which parameters, on which sensor's frame.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct EvidenceKey {
+    /// Sensor whose frame is processed.
+    pub sensor: SensorId,
+    /// Name with parameters, such as `gradient/sigma=1.0`; equal names mean equal results.
+    pub name: String,
+}
+
+/// Where a piece of evidence lives. Host and device buffers are different states and are never mixed silently.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Residency {
+    /// In main memory.
+    #[default]
+    Host,
+    /// On an accelerator.
+    Device,
+}
+
+/// Storage of one piece of evidence; the buffer inside is used again frame after frame.
+#[derive(Default)]
+pub struct Slot {
+    value: Option<Box<dyn Any + Send + Sync>>,
+    /// Where the value lives.
+    pub residency: Residency,
+}
+
+impl Slot {
+    /// The buffer of the frame before, or a fresh one.
+    pub fn buffer<T: Any + Send + Sync + Default>(&mut self) -> &mut T {
+        if !self.value.as_ref().is_some_and(|v| v.is::<T>()) {
+            self.value = Some(Box::<T>::default());
+        }
+        match self.value.as_mut().and_then(|v| v.downcast_mut()) {
+            Some(buffer) => buffer,
+            None => unreachable!("a value of this type was put there just above"),
+        }
+    }
+
+    fn get<T: Any>(&self) -> Option<&T> {
+        self.value.as_ref().and_then(|v| v.downcast_ref())
+    }
+}
+
+/// A step of image processing that knows no model (paper §5.1, left column of Fig. 4).
+pub trait Processing: Send + Sync {
+    /// Name of what this makes.
+    fn key(&self) -> &EvidenceKey;
+
+    /// Processes the frame, inside `roi` only when one is given, into the buffer of `slot`.
+    fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError>;
+}
+
+/// All frames and evidence of one step.
+#[derive(Default)]
+pub struct Evidence {
+    frames: Vec<Frame>,
+    units: Vec<(Box<dyn Processing>, Slot, bool)>,
+}
+
+impl Evidence {
+    /// Adds a processing unit; one with the key of an earlier unit is dropped, since it would make the same.
+    pub fn add(&mut self, unit: Box<dyn Processing>) {
+        if !self.units.iter().any(|(u, ..)| u.key() == unit.key()) {
+            self.units.push((unit, Slot::default(), false));
+        }
+    }
+
+    /// Starts a step: these frames replace those of the step before, all evidence is out of date.
+    pub fn begin(&mut self, frames: impl IntoIterator<Item = Frame>) {
+        self.frames.clear();
+        self.frames.extend(frames);
+        for (.., fresh) in &mut self.units {
+            *fresh = false;
+        }
+    }
+
+    /// Computes what is asked for and out of date.
+    ///
+    /// # Errors
+    /// Those of the processing units; a missing frame or unit.
+    pub fn prepare(&mut self, key: &EvidenceKey, roi: Option<Roi>) -> Result<(), MeasureError> {
+        let frame = Self::find(&self.frames, key.sensor)?;
+        let unit = self.units.iter_mut().find(|(u, ..)| u.key() == key);
+        let (unit, slot, fresh) = unit.ok_or_else(|| missing(key))?;
+        if !*fresh {
+            unit.run(frame, roi, slot)?;
+            *fresh = true;
+        }
+        Ok(())
+    }
+
+    /// The frame of a sensor.
+    ///
+    /// # Errors
+    /// [`MeasureError::MissingFrame`].
+    pub fn frame(&self, sensor: SensorId) -> Result<&Frame, MeasureError> {
+        Self::find(&self.frames, sensor)
+    }
+
+    /// All frames of this step.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    /// Evidence made in this step.
+    ///
+    /// # Errors
+    /// [`MeasureError::MissingEvidence`] when it was not prepared, [`MeasureError::EvidenceType`] when it is no `T`.
+    pub fn get<T: Any>(&self, key: &EvidenceKey) -> Result<&T, MeasureError> {
+        let unit = self.units.iter().find(|(u, _, fresh)| *fresh && u.key() == key);
+        let (_, slot, _) = unit.ok_or_else(|| missing(key))?;
+        slot.get()
+            .ok_or_else(|| MeasureError::EvidenceType { key: key.name.clone(), expected: type_name::<T>() })
+    }
+
+    fn find(frames: &[Frame], sensor: SensorId) -> Result<&Frame, MeasureError> {
+        frames.iter().find(|f| f.sensor == sensor).ok_or(MeasureError::MissingFrame { sensor: sensor.0 })
+    }
+}
+
+fn missing(key: &EvidenceKey) -> MeasureError {
+    MeasureError::MissingEvidence { key: key.name.clone(), sensor: key.sensor.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Payload;
+    use crate::time::Timestamp;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    struct Sum(EvidenceKey, Arc<AtomicUsize>);
+    impl Processing for Sum {
+        fn key(&self) -> &EvidenceKey {
+            &self.0
+        }
+        fn run(&self, frame: &Frame, _: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
+            self.1.fetch_add(1, Ordering::Relaxed);
+            *slot.buffer::<f64>() = frame.vector()?.iter().sum();
+            Ok(())
+        }
+    }
+
+    fn frame(sensor: u32, v: Vec<f64>) -> Frame {
+        Frame { sensor: SensorId(sensor), number: 0, time: Timestamp(0), payload: Payload::Vector(v) }
+    }
+
+    #[test]
+    fn evidence_is_computed_once_a_step_and_never_stale() {
+        let runs = Arc::new(AtomicUsize::new(0));
+        let key = EvidenceKey { sensor: SensorId(0), name: "sum".into() };
+        let mut ev = Evidence::default();
+        ev.add(Box::new(Sum(key.clone(), runs.clone())));
+        ev.add(Box::new(Sum(key.clone(), runs.clone())));
+        ev.begin([frame(0, vec![1.0, 2.0])]);
+        assert!(matches!(ev.get::<f64>(&key), Err(MeasureError::MissingEvidence { .. })));
+        ev.prepare(&key, None).unwrap();
+        ev.prepare(&key, None).unwrap();
+        assert_eq!((runs.load(Ordering::Relaxed), *ev.get::<f64>(&key).unwrap()), (1, 3.0));
+        assert!(matches!(ev.get::<u8>(&key), Err(MeasureError::EvidenceType { .. })));
+        ev.begin([frame(0, vec![5.0])]);
+        assert!(ev.get::<f64>(&key).is_err());
+        ev.prepare(&key, None).unwrap();
+        assert_eq!(*ev.get::<f64>(&key).unwrap(), 5.0);
+    }
+
+    #[test]
+    fn missing_frames_and_units_are_named() {
+        let mut ev = Evidence::default();
+        ev.begin([frame(0, vec![])]);
+        let other = EvidenceKey { sensor: SensorId(3), name: "sum".into() };
+        assert_eq!(ev.prepare(&other, None), Err(MeasureError::MissingFrame { sensor: 3 }));
+        let key = EvidenceKey { sensor: SensorId(0), name: "edges".into() };
+        assert!(ev.prepare(&key, None).unwrap_err().to_string().contains("edges"));
+    }
+}

@@ -1,0 +1,145 @@
+//! Spaces of poses and states: smooth sets with a tangent space at every point.
+
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, Dyn, OMatrix, OVector, U1, U2, U3};
+
+/// All storage that the algorithms of this project ask for in dimension `D`; one bound instead of ten.
+pub trait Alloc<D: Dim>:
+    Allocator<D, Buffer<f64>: Send + Sync>
+    + Allocator<D, D, Buffer<f64>: Send + Sync>
+    + Allocator<U1, D>
+    + Allocator<U2, D, Buffer<f64>: Send + Sync>
+    + Allocator<D, U1>
+    + Allocator<D, U2>
+    + Allocator<U3, D>
+    + Allocator<Dyn, D>
+    + Allocator<D, Dyn>
+{
+}
+
+impl<D: Dim, A> Alloc<D> for A where
+    A: Allocator<D, Buffer<f64>: Send + Sync>
+        + Allocator<D, D, Buffer<f64>: Send + Sync>
+        + Allocator<U1, D>
+        + Allocator<U2, D, Buffer<f64>: Send + Sync>
+        + Allocator<D, U1>
+        + Allocator<D, U2>
+        + Allocator<U3, D>
+        + Allocator<Dyn, D>
+        + Allocator<D, Dyn>
+{
+}
+
+/// A tangent vector of the manifold `M`.
+pub type Tangent<M> = OVector<f64, <M as Manifold>::D>;
+
+/// A square matrix over the tangent space of `M`: a covariance, an information matrix, a Jacobian `M → M`.
+pub type Square<M> = OMatrix<f64, <M as Manifold>::D, <M as Manifold>::D>;
+
+/// A pose or state space with tangent vectors of dimension `D`, static or known at run time.
+///
+/// Laws, checked by `manifold_laws!` (feature `laws`), for every `x`, `y` and small `d`:
+/// `x.retract(&x.local(&y)) = y`, `x.local(&x.retract(&d)) = d`, `x.retract(&0) = x`.
+///
+/// The two Jacobians have a default by central differences, so that a space of your own needs two functions; Lie
+/// groups override them by closed forms.
+pub trait Manifold: Clone + core::fmt::Debug + Send + Sync + 'static
+where
+    DefaultAllocator: Alloc<Self::D>,
+{
+    /// Dimension of the tangent space; `Dyn` where it is known at run time only.
+    type D: Dim;
+
+    /// Dimension of the tangent space at this point.
+    fn dim(&self) -> Self::D;
+
+    /// `x ⊞ d`: the point reached from here along the tangent vector `d` (on a Lie group `x · Exp(d)`).
+    fn retract(&self, d: &Tangent<Self>) -> Self;
+
+    /// `y ⊟ x`: the tangent vector that leads from here to `other` (on a Lie group `Log(x⁻¹ y)`).
+    fn local(&self, other: &Self) -> Tangent<Self>;
+
+    /// `∂ (x ⊞ (d + ε)) / ∂ε` in the chart at `x ⊞ d` (on a Lie group the right Jacobian `J_r(d)`).
+    fn retract_jacobian(&self, d: &Tangent<Self>) -> Square<Self> {
+        let y = self.retract(d);
+        differences(self.dim(), |e| y.local(&self.retract(&(d + e))))
+    }
+
+    /// `∂ ((x ⊞ ε) ⊞ d) / ∂ε` in the chart at `x ⊞ d` (on a Lie group `Ad(Exp(-d))`).
+    fn transport(&self, d: &Tangent<Self>) -> Square<Self> {
+        let y = self.retract(d);
+        differences(self.dim(), |e| y.local(&self.retract(e).retract(d)))
+    }
+
+    /// The zero tangent vector.
+    fn zero(&self) -> Tangent<Self> {
+        OVector::zeros_generic(self.dim(), U1)
+    }
+
+    /// True when every coordinate is finite.
+    fn is_finite(&self) -> bool {
+        self.local(self).iter().all(|v| v.is_finite())
+    }
+
+    /// Weighted mean of points on the manifold (Karcher): the point at which the weighted tangent vectors to all
+    /// points vanish. Weights need not be normalised; `None` when no weight is positive or a point is not finite.
+    fn mean(points: &[Self], weights: &[f64]) -> Option<Self> {
+        let (heaviest, _) = weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        let total: f64 = weights.iter().sum();
+        if !(total > 0.0 && total.is_finite()) || points.len() != weights.len() {
+            return None;
+        }
+        let mut mean = points[heaviest].clone();
+        for _ in 0..50 {
+            let mut step = mean.zero();
+            for (p, &w) in points.iter().zip(weights) {
+                step += mean.local(p) * (w / total);
+            }
+            let length = step.norm();
+            if !length.is_finite() {
+                return None;
+            }
+            mean = mean.retract(&step);
+            if length < 1e-12 {
+                break;
+            }
+        }
+        Some(mean)
+    }
+}
+
+/// Jacobian of `f` at zero by central differences, for the defaults above.
+fn differences<D: Dim>(n: D, f: impl Fn(&OVector<f64, D>) -> OVector<f64, D>) -> OMatrix<f64, D, D>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    const H: f64 = 1e-6;
+    let mut j = OMatrix::zeros_generic(n, n);
+    let mut e = OVector::zeros_generic(n, U1);
+    for k in 0..n.value() {
+        e[k] = H;
+        let ahead = f(&e);
+        e[k] = -H;
+        let behind = f(&e);
+        e[k] = 0.0;
+        j.set_column(k, &((ahead - behind) / (2.0 * H)));
+    }
+    j
+}
+
+/// A manifold whose points have standard coordinates, for files and reports.
+///
+/// SE(3): `tx ty tz qx qy qz qw`; R^n: its components.
+pub trait Coordinates: Manifold
+where
+    DefaultAllocator: Alloc<Self::D>,
+{
+    /// Name of the space in files, such as `"se3"`.
+    const SPACE: &'static str;
+
+    /// Appends the coordinates of this point.
+    fn write(&self, out: &mut Vec<f64>);
+
+    /// The point with these coordinates; `None` when their number is wrong or one is not finite.
+    fn read(coordinates: &[f64]) -> Option<Self>;
+}

@@ -1,0 +1,171 @@
+//! The one door to transcendental functions.
+//!
+//! The platform's `sin` or `exp` differ in the last bit between systems, and one bit is enough to send a particle
+//! filter another way. All crates of this project call these pure-Rust versions instead (`nalgebra` is built with
+//! `libm-force`), and clippy refuses the others. `f64::sqrt` is exact by IEEE 754 and may be used directly.
+
+/// Sine of an angle in radians.
+#[inline]
+pub fn sin(x: f64) -> f64 {
+    libm::sin(x)
+}
+
+/// Cosine of an angle in radians.
+#[inline]
+pub fn cos(x: f64) -> f64 {
+    libm::cos(x)
+}
+
+/// Sine and cosine of an angle in radians.
+#[inline]
+pub fn sin_cos(x: f64) -> (f64, f64) {
+    libm::sincos(x)
+}
+
+/// Tangent of an angle in radians.
+#[inline]
+pub fn tan(x: f64) -> f64 {
+    libm::tan(x)
+}
+
+/// Arc cosine in radians; the argument is clamped to `[-1, 1]`.
+#[inline]
+pub fn acos(x: f64) -> f64 {
+    libm::acos(x.clamp(-1.0, 1.0))
+}
+
+/// Arc sine in radians; the argument is clamped to `[-1, 1]`.
+#[inline]
+pub fn asin(x: f64) -> f64 {
+    libm::asin(x.clamp(-1.0, 1.0))
+}
+
+/// Arc tangent in radians.
+#[inline]
+pub fn atan(x: f64) -> f64 {
+    libm::atan(x)
+}
+
+/// Angle of the vector `(x, y)` in radians, in `(-π, π]`.
+#[inline]
+pub fn atan2(y: f64, x: f64) -> f64 {
+    libm::atan2(y, x)
+}
+
+/// Exponential.
+#[inline]
+pub fn exp(x: f64) -> f64 {
+    libm::exp(x)
+}
+
+/// `exp(x) - 1`, accurate near zero.
+#[inline]
+pub fn exp_m1(x: f64) -> f64 {
+    libm::expm1(x)
+}
+
+/// Natural logarithm.
+#[inline]
+pub fn ln(x: f64) -> f64 {
+    libm::log(x)
+}
+
+/// `ln(1 + x)`, accurate near zero.
+#[inline]
+pub fn ln_1p(x: f64) -> f64 {
+    libm::log1p(x)
+}
+
+/// Logarithm to base 10.
+#[inline]
+pub fn log10(x: f64) -> f64 {
+    libm::log10(x)
+}
+
+/// `x` to the power `y`.
+#[inline]
+pub fn pow(x: f64, y: f64) -> f64 {
+    libm::pow(x, y)
+}
+
+/// Length of the vector `(x, y)` without overflow.
+#[inline]
+pub fn hypot(x: f64, y: f64) -> f64 {
+    libm::hypot(x, y)
+}
+
+/// Hyperbolic tangent.
+#[inline]
+pub fn tanh(x: f64) -> f64 {
+    libm::tanh(x)
+}
+
+/// Cube root.
+#[inline]
+pub fn cbrt(x: f64) -> f64 {
+    libm::cbrt(x)
+}
+
+/// Error function.
+#[inline]
+pub fn erf(x: f64) -> f64 {
+    libm::erf(x)
+}
+
+/// Logistic function `1 / (1 + exp(-x))`, without overflow.
+#[inline]
+pub fn logistic(x: f64) -> f64 {
+    if x >= 0.0 {
+        1.0 / (1.0 + exp(-x))
+    } else {
+        let e = exp(x);
+        e / (1.0 + e)
+    }
+}
+
+/// `ln Σ exp(x_i)` without overflow; `-∞` for an empty slice or one that holds `-∞` only.
+pub fn log_sum_exp(x: &[f64]) -> f64 {
+    let top = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if !top.is_finite() {
+        return top;
+    }
+    top + ln(x.iter().map(|&v| exp(v - top)).sum())
+}
+
+/// Angle brought to `(-π, π]`.
+pub fn wrap_angle(x: f64) -> f64 {
+    use core::f64::consts::{PI, TAU};
+    let y = x - TAU * (x / TAU).round();
+    if y <= -PI { y + TAU } else { y }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logistic_is_symmetric_and_saturates() {
+        assert_eq!(logistic(0.0), 0.5);
+        for x in [0.1, 3.0, 40.0, 800.0] {
+            assert!((logistic(x) + logistic(-x) - 1.0).abs() < 1e-15, "{x}");
+        }
+    }
+
+    #[test]
+    fn log_sum_exp_survives_large_and_empty_input() {
+        assert!((log_sum_exp(&[1000.0, 1000.0]) - 1000.0 - ln(2.0)).abs() < 1e-12);
+        assert_eq!(log_sum_exp(&[]), f64::NEG_INFINITY);
+        assert_eq!(log_sum_exp(&[f64::NEG_INFINITY; 3]), f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn wrapped_angles_lie_in_the_half_open_interval() {
+        use core::f64::consts::PI;
+        for k in -5..=5 {
+            let x = wrap_angle(0.3 + f64::from(k) * 2.0 * PI);
+            assert!((x - 0.3).abs() < 1e-12);
+        }
+        assert_eq!(wrap_angle(-PI), PI);
+        assert_eq!(wrap_angle(PI), PI);
+    }
+}
