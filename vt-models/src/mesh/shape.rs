@@ -1,5 +1,5 @@
 use super::{Mesh, MeshData, MeshError};
-use nalgebra::Isometry3;
+use vt_core::lie::SE3;
 
 /// One rigid part of a shape.
 #[derive(Clone, Debug)]
@@ -9,7 +9,7 @@ pub struct Part {
     /// Its surface, in the part frame.
     pub mesh: Mesh,
     /// Maps part coordinates into the object frame.
-    pub object_from_part: Isometry3<f64>,
+    pub object_from_part: SE3,
 }
 
 /// Rigid shape made of named parts (for instance an assembly whose files are separate).
@@ -22,7 +22,7 @@ pub struct Shape {
 impl Shape {
     /// Adds a part.
     #[must_use]
-    pub fn with(mut self, name: &str, mesh: Mesh, object_from_part: Isometry3<f64>) -> Self {
+    pub fn with(mut self, name: &str, mesh: Mesh, object_from_part: SE3) -> Self {
         self.parts.push(Part { name: name.to_owned(), mesh, object_from_part });
         self
     }
@@ -37,7 +37,7 @@ impl Shape {
             let (vertex, material) = (all.vertices.len() as u32, all.materials.len() as u32);
             let id = id as u32;
             all.parts.push(part.name.clone());
-            all.vertices.extend(part.mesh.vertices().iter().map(|p| part.object_from_part * p));
+            all.vertices.extend(part.mesh.vertices().iter().map(|p| part.object_from_part.act(p)));
             all.materials.extend_from_slice(part.mesh.materials());
             all.polygons.extend(part.mesh.polygons().iter().cloned().map(|mut p| {
                 p.corners.iter_mut().for_each(|c| *c += vertex);

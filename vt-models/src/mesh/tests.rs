@@ -1,6 +1,7 @@
 use super::*;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
+use vt_core::lie::SE3;
 
 fn mesh(points: &[[f64; 3]], polygons: &[&[u32]]) -> Result<Mesh, MeshError> {
     Mesh::new(MeshData {
@@ -61,8 +62,8 @@ fn bad_data_is_named() {
 fn shape_flattens_with_part_ids_and_transforms() {
     let m = mesh(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], &[&[0, 1, 2]]).unwrap();
     let flat = Shape::default()
-        .with("base", m.clone(), Isometry3::identity())
-        .with("arm", m, Isometry3::translation(0., 0., 5.))
+        .with("base", m.clone(), SE3 { rotation: UnitQuaternion::identity(), translation: Vector3::zeros() })
+        .with("arm", m, SE3 { rotation: UnitQuaternion::identity(), translation: Vector3::new(0., 0., 5.) })
         .flatten()
         .unwrap();
     assert_eq!(flat.parts(), ["base", "arm"]);
