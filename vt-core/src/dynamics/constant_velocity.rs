@@ -14,8 +14,8 @@ use crate::time::Seconds;
 /// Two steps equal one: propagation, `F` and `Q` compose exactly on `R^n`, where
 /// `Q = q [Δ³/3 Δ²/2; Δ²/2 Δ]` (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
 /// Navigation", 2001, §6.2.2). On Lie groups propagation and `F` compose exactly too; `Q` is the exact covariance to
-/// first order in the noise, its integral over the curved path taken by a rule whose error is of the fourth order in
-/// the rotation `|ν Δt|` of the step (relative to `Q`, 1e-11 at 0.1 rad, 1e-7 at 1 rad). On other manifolds all this
+/// first order in the noise, its integral over the curved path taken by a rule whose error is of the sixth order in
+/// the rotation `|ν Δt|` of the step (relative to `Q`, 1e-11 at 0.1 rad, 1e-5 at 1 rad). On other manifolds all this
 /// holds where the coordinates of `ν` keep their meaning along `retract`.
 #[derive(Clone, Debug)]
 pub struct ConstantVelocity<P: Manifold>
