@@ -6,6 +6,7 @@ pub mod dynamics;
 pub mod error;
 pub mod evidence;
 pub mod frame;
+pub mod least_squares;
 pub mod lie;
 pub mod manifold;
 pub mod math;
