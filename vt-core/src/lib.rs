@@ -11,6 +11,7 @@ pub mod lie;
 pub mod manifold;
 pub mod math;
 pub mod measurement;
+pub mod metrics;
 pub mod pose_measurement;
 pub mod random;
 pub mod report;
