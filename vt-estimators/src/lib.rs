@@ -1,3 +1,4 @@
 //! Bayesian estimators on manifolds.
+pub mod association;
 pub mod kalman;
 pub mod map;
