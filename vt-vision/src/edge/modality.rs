@@ -17,7 +17,7 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::ContrastMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use super::site::EdgeSite;
+use vt_models::visibility::EdgeSite;
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
 
 /// Edge modality of one target.
@@ -179,7 +179,7 @@ where
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
             let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
-            let edge = &mixture.edges[k];
+            let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
                 self.deviations.push((edge.position - u).abs());
                 match &mut running {
