@@ -1,4 +1,4 @@
-//! Contracts and value types of model-based visual tracking.
+#![doc = include_str!("../README.md")]
 
 pub mod agent;
 pub mod belief;

@@ -12,7 +12,7 @@ use crate::measurement::{Linearized, Measurement, NormalEquations};
 pub struct MeasurementTolerance {
     /// Step of the differences in tangent units.
     pub step: f64,
-    /// Difference of gradients relative to their largest coordinate.
+    /// Difference of gradients relative to their largest coordinate, or to the gradient one step from the optimum.
     pub gradient: f64,
     /// Difference between accumulated residuals and normal equations, relative to the largest entry.
     pub accumulation: f64,
@@ -51,7 +51,9 @@ where
     let moved = |e: &[f64]| at.retract(&OVector::from_fn_generic(n, U1, |k, _| e[k]));
     let found = equations(at);
     let claimed = block(&found.gradient).transpose();
-    let size = claimed.amax().max(f64::MIN_POSITIVE);
+    // At the optimum gradients vanish: there they are measured against that of one step away.
+    let floor = (found.information.amax() * tolerance.step).max(f64::MIN_POSITIVE);
+    let size = claimed.amax().max(floor);
 
     let slope = difference_jacobian(1, n.value(), tolerance.step, |e| vec![likelihood(&moved(e))]);
     compare(
@@ -84,7 +86,7 @@ where
     let size = found.information.amax().max(f64::MIN_POSITIVE);
     let (a, b) = (block(&sum.information) / size, block(&found.information) / size);
     compare("information of the residuals", &blocks, &blocks, &a, &b, tolerance.accumulation);
-    let size = found.gradient.amax().max(f64::MIN_POSITIVE);
+    let size = found.gradient.amax().max(floor);
     let (a, b) = (block(&sum.gradient) / size, block(&found.gradient) / size);
     compare("gradient of the residuals", &blocks, &one, &a, &b, tolerance.accumulation);
 
