@@ -68,6 +68,8 @@ fn main() {
         let t0 = std::time::Instant::now();
         let r = &looped.step([f]).unwrap()[0];
         ms.push(t0.elapsed().as_secs_f64() * 1e3);
+        let r = r.clone();
+        if let Ok(list) = std::env::var("DRAW") { if list.split(',').any(|x| x == k.to_string()) { draw(&looped, k, truth.get(k), &cam); } }
         let g = r.posterior.get::<SE3>().unwrap();
         if k < truth.len() {
             let t = (g.mean.translation - truth[k].translation).norm() * 1e3;
@@ -81,4 +83,26 @@ fn main() {
     let max = |v: &[f64]| v.iter().cloned().fold(0.0, f64::max);
     ms.sort_by(f64::total_cmp);
     println!("t mean {:.3} max {:.3}  r mean {:.3} max {:.3}  ms median {:.3}", mean(&ts), max(&ts), mean(&rs), max(&rs), ms[ms.len() / 2]);
+}
+
+fn draw(l: &TrackingLoop, k: usize, _truth: Option<&SE3>, _cam: &Camera) {
+    use vt_core::sketch::*;
+    let mut marks = vec![];
+    l.sketch(0, &mut marks);
+    l.with_step(|s| {
+        let g = s.evidence.frames()[0].grey().unwrap();
+        let z = 3u32;
+        let mut im = image::RgbImage::from_fn(g.width() * z, g.height() * z, |x, y| { let v = g.get_pixel(x / z, y / z)[0]; image::Rgb([v, v, v]) });
+        let mut line = |a: [f64; 2], b: [f64; 2], c: [u8; 3]| {
+            for i in 0..=600 { let t = i as f64 / 600.0; let x = (a[0] + t * (b[0] - a[0]) + 0.5) * z as f64; let y = (a[1] + t * (b[1] - a[1]) + 0.5) * z as f64;
+                if x >= 0.0 && y >= 0.0 && x < im.width() as f64 && y < im.height() as f64 { im.put_pixel(x as u32, y as u32, image::Rgb(c)); } }
+        };
+        for m in &marks { if let Mark::Segment { from, to, role } = m { line(*from, *to, match role { Role::Model => [0, 255, 0], Role::Inlier => [0, 120, 255], _ => [255, 0, 0] }); } }
+        let xs: Vec<f64> = marks.iter().filter_map(|m| if let Mark::Point { at, .. } = m { Some(at[0]) } else { None }).collect();
+        let ys: Vec<f64> = marks.iter().filter_map(|m| if let Mark::Point { at, .. } = m { Some(at[1]) } else { None }).collect();
+        let lo = |v: &[f64], m: f64| (v.iter().cloned().fold(1e9, f64::min) - 20.0).clamp(0.0, m) as u32;
+        let hi = |v: &[f64], m: f64| (v.iter().cloned().fold(0.0, f64::max) + 20.0).clamp(0.0, m) as u32;
+        let (x0, x1, y0, y1) = (lo(&xs, 630.0), hi(&xs, 639.0), lo(&ys, 470.0), hi(&ys, 479.0));
+        image::imageops::crop_imm(&im, x0 * z, y0 * z, (x1 - x0) * z, (y1 - y0) * z).to_image().save(format!("/tmp/see/d{k}.png")).unwrap();
+    });
 }
