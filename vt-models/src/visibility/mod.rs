@@ -6,8 +6,11 @@
 mod ambiguity;
 mod cache;
 mod projection;
+mod source;
 
+pub(crate) use cache::ViewKey;
 pub use cache::{ViewCache, ViewThresholds};
+pub use source::EdgeVisibility;
 
 use crate::camera::Camera;
 use crate::edges::{Edge, EdgeKind, EdgeModel};
