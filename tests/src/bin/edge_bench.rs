@@ -80,85 +80,88 @@ fn main() {
         ..Default::default()
     };
     let (mesh, edges) = (Arc::new(mesh), Arc::new(edges));
-    let view = MeshView::new(mesh, edges, cam, ViewCache::new(opts, Default::default()));
-    let params = EdgeParams {
-        sigma: arg("SIGMA", 0.4),
-        min_contrast: arg("C", 8.0),
-        range: [arg("R0", 6.0), arg("R1", 30.0)],
-        searches: arg("N", 3.0) as usize,
-        iterations: arg("IT", 8.0) as usize,
-        ..Default::default()
-    }
-    .check()
-    .unwrap();
-    let modality = EdgeModality::new(params, SensorId(0), Se3Warp::new(cam), view, 0.3);
-    let prior = Gaussian::from_sigmas(start, &Vector6::new(0.005, 0.005, 0.005, 0.02, 0.02, 0.02));
-    let q = Vector6::new(0.5, 0.5, 0.5, 2.0, 2.0, 2.0).map(|x: f64| x * x * arg("Q", 1.0));
-    let est = KalmanFilter::<SE3, Moving<SE3>, _>::new(
-        &prior,
-        vec![Vector6::new(0.1, 0.1, 0.1, 0.5, 0.5, 0.5)],
-        ConstantVelocity::new(q).unwrap(),
-        5,
-    )
-    .unwrap();
-    let target = Target::new(
-        "t",
-        vec![SensorId(0)],
-        vec![Box::new(modality)],
-        Box::new(est),
-        Box::new(FusedLoss::default()),
-        None,
-        Vector6::new(0.01, 0.01, 0.01, 0.03, 0.03, 0.03),
-    );
-    let mut looped = TrackingLoop::new(vec![Box::new(target)]);
-    let (mut ts, mut rs, mut ms) = (vec![], vec![], vec![]);
-    for (k, f) in frames.into_iter().enumerate() {
-        let t0 = std::time::Instant::now();
-        let r = &looped.step([f]).unwrap()[0];
-        ms.push(t0.elapsed().as_secs_f64() * 1e3);
-        let r = r.clone();
-        if let Ok(list) = std::env::var("DRAW") {
-            if list.split(',').any(|x| x == k.to_string()) {
-                draw(&looped, k, truth.get(k), &cam);
+    for rep in 0..arg("REP", 1.0) as usize {
+        let (mesh, edges, frames) = (mesh.clone(), edges.clone(), frames.clone());
+        let view = MeshView::new(mesh, edges, cam, ViewCache::new(opts, Default::default()));
+        let params = EdgeParams {
+            sigma: arg("SIGMA", 0.4),
+            min_contrast: arg("C", 8.0),
+            range: [arg("R0", 6.0), arg("R1", 30.0)],
+            searches: arg("N", 3.0) as usize,
+            iterations: arg("IT", 8.0) as usize,
+            ..Default::default()
+        }
+        .check()
+        .unwrap();
+        let modality = EdgeModality::new(params, SensorId(0), Se3Warp::new(cam), view, 0.3);
+        let prior = Gaussian::from_sigmas(start, &Vector6::new(0.005, 0.005, 0.005, 0.02, 0.02, 0.02));
+        let q = Vector6::new(0.5, 0.5, 0.5, 2.0, 2.0, 2.0).map(|x: f64| x * x * arg("Q", 1.0));
+        let est = KalmanFilter::<SE3, Moving<SE3>, _>::new(
+            &prior,
+            vec![Vector6::new(0.1, 0.1, 0.1, 0.5, 0.5, 0.5)],
+            ConstantVelocity::new(q).unwrap(),
+            5,
+        )
+        .unwrap();
+        let target = Target::new(
+            "t",
+            vec![SensorId(0)],
+            vec![Box::new(modality)],
+            Box::new(est),
+            Box::new(FusedLoss::default()),
+            None,
+            Vector6::new(0.01, 0.01, 0.01, 0.03, 0.03, 0.03),
+        );
+        let mut looped = TrackingLoop::new(vec![Box::new(target)]);
+        let (mut ts, mut rs, mut ms) = (vec![], vec![], vec![]);
+        for (k, f) in frames.into_iter().enumerate() {
+            let t0 = std::time::Instant::now();
+            let r = &looped.step([f]).unwrap()[0];
+            ms.push(t0.elapsed().as_secs_f64() * 1e3);
+            let r = r.clone();
+            if let Ok(list) = std::env::var("DRAW") {
+                if list.split(',').any(|x| x == k.to_string()) {
+                    draw(&looped, k, truth.get(k), &cam);
+                }
+            }
+            let g = r.posterior.get::<SE3>().unwrap();
+            if k < truth.len() {
+                let t = (g.mean.translation - truth[k].translation).norm() * 1e3;
+                let a = g.mean.rotation.angle_to(&truth[k].rotation).to_degrees();
+                let d = g.mean.translation - truth[k].translation;
+                if std::env::var("V").is_ok() {
+                    println!(
+                        "{k} t {t:.3} [{:.2} {:.2} {:.2}] r {a:.3} q {:?} nis {:.1}/{} p {:.2} nees {:.1}",
+                        d.x * 1e3,
+                        d.y * 1e3,
+                        d.z * 1e3,
+                        r.assessment.quality.map(|q| (
+                            q.expected,
+                            q.inliers,
+                            (q.log_ratio * 100.).round() / 100.
+                        )),
+                        r.assessment.innovation.unwrap().nis,
+                        r.assessment.innovation.unwrap().iterations,
+                        r.verdict.loss_probability,
+                        g.nees(&truth[k]).unwrap_or(f64::NAN)
+                    );
+                }
+                ts.push(t);
+                rs.push(a);
             }
         }
-        let g = r.posterior.get::<SE3>().unwrap();
-        if k < truth.len() {
-            let t = (g.mean.translation - truth[k].translation).norm() * 1e3;
-            let a = g.mean.rotation.angle_to(&truth[k].rotation).to_degrees();
-            let d = g.mean.translation - truth[k].translation;
-            if std::env::var("V").is_ok() {
-                println!(
-                    "{k} t {t:.3} [{:.2} {:.2} {:.2}] r {a:.3} q {:?} nis {:.1}/{} p {:.2} nees {:.1}",
-                    d.x * 1e3,
-                    d.y * 1e3,
-                    d.z * 1e3,
-                    r.assessment.quality.map(|q| (
-                        q.expected,
-                        q.inliers,
-                        (q.log_ratio * 100.).round() / 100.
-                    )),
-                    r.assessment.innovation.unwrap().nis,
-                    r.assessment.innovation.unwrap().iterations,
-                    r.verdict.loss_probability,
-                    g.nees(&truth[k]).unwrap_or(f64::NAN)
-                );
-            }
-            ts.push(t);
-            rs.push(a);
-        }
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+        let max = |v: &[f64]| v.iter().cloned().fold(0.0, f64::max);
+        ms.sort_by(f64::total_cmp);
+        println!(
+            "t mean {:.3} max {:.3}  r mean {:.3} max {:.3}  ms median {:.3}",
+            mean(&ts),
+            max(&ts),
+            mean(&rs),
+            max(&rs),
+            ms[ms.len() / 2]
+        );
     }
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let max = |v: &[f64]| v.iter().cloned().fold(0.0, f64::max);
-    ms.sort_by(f64::total_cmp);
-    println!(
-        "t mean {:.3} max {:.3}  r mean {:.3} max {:.3}  ms median {:.3}",
-        mean(&ts),
-        max(&ts),
-        mean(&rs),
-        max(&rs),
-        ms[ms.len() / 2]
-    );
 }
 
 fn draw(l: &TrackingLoop, k: usize, _truth: Option<&SE3>, _cam: &Camera) {

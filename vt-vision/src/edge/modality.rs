@@ -128,6 +128,7 @@ where
                 point: site.p_in_object,
                 normal,
                 searched_at,
+                jacobian: j,
                 first,
                 count: self.found.len() as u32,
                 edge: site.edge,
@@ -141,35 +142,36 @@ where
 
     /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to that of the
     /// localisation noise. `root` is a root of the prior covariance: the pose moves in its span only, and where the
-    /// data are silent not at all. Returns the root mean square motion of the contour in pixels.
+    /// data are silent not at all. The contour is linearised at the pose of the search; whoever uses the result
+    /// linearises anew. Returns the root mean square motion of the contour in pixels.
     fn align(&mut self, pose: &mut P, root: &Square<P>, mut sigma: f64) -> f64 {
         let mixture = &self.features.mixture;
         let equations = self.equations.get_or_insert_with(|| NormalEquations::empty(pose));
-        let mut moved = 0.0;
+        let mut delta = pose.zero();
+        let mut scale = 1.0;
         for _ in 0..self.params.iterations {
-            mixture.normal_equations(pose, sigma, equations);
-            let weight = equations.rows as f64;
+            mixture.linear_equations(&delta, sigma, equations);
             let mut system = root.tr_mul(&(&equations.information * root));
             for k in 0..system.nrows() {
                 system[(k, k)] += TIE;
             }
             let Some(factor) = cholesky(system) else { break };
             let step = root * factor.solve(&root.tr_mul(&equations.gradient));
-            let motion2 = (&equations.information * &step).dot(&step) * sigma * sigma / weight.max(1.0);
-            let next = pose.retract(&step);
-            if !next.is_finite() {
-                break;
-            }
-            *pose = next;
-            let motion = motion2.max(0.0).sqrt();
-            moved += motion;
+            scale = sigma * sigma / (equations.rows as f64).max(1.0);
+            let motion = ((&equations.information * &step).dot(&step) * scale).max(0.0).sqrt();
+            delta += step;
             if sigma <= self.params.sigma && motion < STILL {
                 break;
             }
             sigma =
                 if motion < 0.1 * sigma { self.params.sigma } else { (0.5 * sigma).max(self.params.sigma) };
         }
-        moved
+        let next = pose.retract(&delta);
+        if !next.is_finite() {
+            return 0.0;
+        }
+        *pose = next;
+        ((&equations.information * &delta).dot(&delta) * scale).max(0.0).sqrt()
     }
 
     /// Matches to every line its most probable edge at `pose`, estimates the scale of the residuals and remembers
