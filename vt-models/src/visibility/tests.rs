@@ -3,6 +3,7 @@ use crate::camera::Lens;
 use crate::edges::EdgeOptions;
 use crate::mesh::{MeshData, Polygon, Segment};
 use nalgebra::{Rotation3, UnitQuaternion};
+#[cfg(feature = "raycast")]
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
@@ -248,6 +249,20 @@ fn cache_recomputes_when_the_view_changes() {
     assert!(cache.visible().is_cut());
     assert!(!cache.update(&mesh, &edges, &camera(), &turned(-0.005)));
     assert!(cache.update(&mesh, &edges, &camera(), &turned(-0.05)), "new edges come into the image");
+}
+
+#[test]
+fn any_pose_is_survived() {
+    let mut v = VisibleEdges::default();
+    let (mesh, edges) = cube();
+    for bad in [f64::NAN, f64::INFINITY, 1e300, -1e300, 1e-300] {
+        let t = SE3 { rotation: UnitQuaternion::identity(), translation: Vector3::new(bad, 0.0, bad) };
+        v.update(&mesh, &edges, &camera(), &t, &VisibilityOptions::default());
+        assert!(v.sites().iter().all(|s| s.pixel.coords.iter().all(|c| c.is_finite())));
+    }
+    // From inside, all that is ahead is seen, nothing behind.
+    v.update(&mesh, &edges, &camera(), &pose([0.; 3], [0.; 3]), &VisibilityOptions::default());
+    assert!(v.sites().iter().all(|s| s.p_in_object.z > 0.0));
 }
 
 #[test]
