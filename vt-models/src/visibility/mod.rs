@@ -5,12 +5,12 @@
 
 mod ambiguity;
 mod cache;
+mod mesh_view;
 mod projection;
-mod source;
 
 pub(crate) use cache::ViewKey;
 pub use cache::{ViewCache, ViewThresholds};
-pub use source::EdgeVisibility;
+pub use mesh_view::MeshView;
 
 use crate::camera::Camera;
 use crate::edges::{Edge, EdgeKind, EdgeModel};

@@ -266,13 +266,13 @@ fn any_pose_is_survived() {
 }
 
 #[test]
-fn source_serves_the_contract() {
+fn mesh_view_serves_the_contract() {
     use vt_core::agent::Visibility;
     let (mesh, edges) = cube();
     let t = pose([0.4, 0.7, 0.1], [0., 0., 0.6]);
     let expected = see(&(mesh.clone(), edges.clone()), &camera(), &t, &VisibilityOptions::default());
-    let mut source = EdgeVisibility::new(mesh.into(), edges.into(), camera(), ViewCache::default());
-    assert_eq!(source.visible(&t), expected);
+    let mut view = MeshView::new(mesh.into(), edges.into(), camera(), ViewCache::default());
+    assert_eq!(view.visible(&t), expected);
 }
 
 /// Every site has a free line of sight, and every unhidden, well separated edge point has a site.

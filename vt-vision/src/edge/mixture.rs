@@ -11,7 +11,7 @@
 
 use core::marker::PhantomData;
 
-use nalgebra::{DefaultAllocator, Point3, Vector2};
+use nalgebra::{DefaultAllocator, Point3, Vector2, Vector3};
 use vt_core::agent::{Posed, Warp};
 use vt_core::manifold::{Alloc, Manifold};
 use vt_core::math;
@@ -25,6 +25,8 @@ const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
 pub struct Line {
     /// Contour point on the model, body coordinates, metres.
     pub point: Point3<f64>,
+    /// Unit tangent of the contour on the model.
+    pub tangent: Vector3<f64>,
     /// Normal of the contour in the image.
     pub normal: Vector2<f64>,
     /// Position `n · y` of the contour when it was searched, pixels.

@@ -9,6 +9,7 @@ use vt_core::error::MeasureError;
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::SensorId;
 use vt_core::manifold::{Alloc, Manifold, Square};
+use vt_core::math;
 use vt_core::measurement::{Level, Measurement, Modality, NormalEquations};
 use vt_core::pose_measurement::PoseMeasurement;
 use vt_core::sketch::Mark;
@@ -17,7 +18,7 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::ContrastMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use super::site::EdgeSite;
+use vt_models::visibility::EdgeSite;
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
 
 /// Edge modality of one target.
@@ -72,7 +73,7 @@ where
             features: EdgeFeatures { rows: vec![], mixture },
             object: None,
             equations: None,
-            memory: ContrastMemory::default(),
+            memory: ContrastMemory::new(0.03 * diameter),
             found: vec![],
             deviations: vec![],
             seen: false,
@@ -87,6 +88,7 @@ where
         mixture.edges.clear();
         let posed = mixture.warp.at(pose);
         let mut squares = 0.0;
+        let slack = self.params.range[0] / 3.0;
         for site in self.visibility.visible(pose) {
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
@@ -113,10 +115,13 @@ where
             }
             let searched_at = normal.dot(&y.coords);
             let first = mixture.edges.len() as u32;
+            let known = self.memory.recall(site.edge, &site.p_in_object, &site.tangent);
+            // Where the contour is predicted, an edge is the more probable the nearer it is.
+            let gate = -0.5 / (deviation2 + slack * slack);
             mixture.edges.extend(self.found.iter().map(|c| LineEdge {
                 position: searched_at + c.offset,
                 contrast: c.contrast,
-                prior: self.memory.weight(site.edge, c.contrast),
+                prior: ContrastMemory::weight(known, c.contrast) * math::exp(c.offset * c.offset * gate),
             }));
             squares += deviation2;
             mixture.lines.push(Line {
@@ -126,6 +131,7 @@ where
                 first,
                 count: self.found.len() as u32,
                 edge: site.edge,
+                tangent: site.tangent,
                 weight: 1.0,
             });
         }
@@ -174,7 +180,6 @@ where
         self.deviations.clear();
         let posed = mixture.warp.at(pose);
         let sigma = self.params.sigma;
-        let mut running: Option<(u32, f64, f64)> = None;
         for line in &mixture.lines {
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
@@ -182,18 +187,7 @@ where
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
                 self.deviations.push((edge.position - u).abs());
-                match &mut running {
-                    Some((id, sum, n)) if *id == line.edge => {
-                        *sum += edge.contrast;
-                        *n += 1.0;
-                    }
-                    _ => {
-                        if let Some((id, sum, n)) = running {
-                            self.memory.observe(id, sum / n);
-                        }
-                        running = Some((line.edge, edge.contrast, 1.0));
-                    }
-                }
+                self.memory.observe(line.edge, &line.point, &line.tangent, edge.contrast);
             }
             rows.push(EdgeRow {
                 point: line.point,
@@ -202,9 +196,6 @@ where
                 variance: 1.0 / line.weight,
                 weight: probability,
             });
-        }
-        if let Some((id, sum, n)) = running {
-            self.memory.observe(id, sum / n);
         }
         let scale = match self.deviations.len() {
             0 => sigma,
