@@ -18,8 +18,8 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::ContrastMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use vt_models::visibility::EdgeSite;
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
+use vt_models::visibility::EdgeSite;
 
 /// Edge modality of one target.
 ///
