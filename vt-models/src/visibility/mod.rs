@@ -7,12 +7,10 @@ mod ambiguity;
 mod cache;
 mod mesh_view;
 mod projection;
-mod source;
 
 pub(crate) use cache::ViewKey;
 pub use cache::{ViewCache, ViewThresholds};
 pub use mesh_view::MeshView;
-pub use source::EdgeVisibility;
 
 use crate::camera::Camera;
 use crate::edges::{Edge, EdgeKind, EdgeModel};
