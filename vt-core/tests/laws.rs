@@ -71,11 +71,14 @@ manifold_laws!(manifold_accelerating: accelerating());
 struct CustomDirection(Vector3<f64>);
 
 impl CustomDirection {
-    /// Two unit vectors across.
+    /// Two unit vectors across: the x and y axes, turned the shortest way with the z axis. Smooth except at -z.
     fn basis(&self) -> SMatrix<f64, 3, 2> {
-        let other = if self.0.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-        let a = self.0.cross(&other).normalize();
-        SMatrix::from_columns(&[a, self.0.cross(&a)])
+        let [x, y, z] = self.0.into();
+        let f = 1.0 / (1.0 + z);
+        SMatrix::<f64, 3, 2>::from_columns(&[
+            Vector3::new(1.0 - x * x * f, -x * y * f, -x),
+            Vector3::new(-x * y * f, 1.0 - y * y * f, -y),
+        ])
     }
 }
 
@@ -91,7 +94,7 @@ impl Manifold for CustomDirection {
         self.basis().tr_mul(&(other.0 / other.0.dot(&self.0)))
     }
 }
-manifold_laws!(custom_manifold: group::<SO3>(1.0).prop_map(|r| CustomDirection(r.rotation * Vector3::z())), tolerance = 1e-6);
+manifold_laws!(custom_manifold: group::<SO3>(0.5).prop_map(|r| CustomDirection(r.rotation * Vector3::z())), tolerance = 1e-6);
 
 fn density() -> Vector6<f64> {
     Vector6::new(0.1, 0.2, 0.0, 1.0, 0.5, 2.0)
