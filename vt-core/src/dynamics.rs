@@ -20,6 +20,7 @@ pub use brownian::Brownian;
 pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::ConstantVelocity;
 pub use custom::Custom;
+pub(crate) use noise::semidefinite_factor;
 pub use noise::{driven_noise, semidefinite_root};
 
 #[cfg(test)]
