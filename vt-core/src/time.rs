@@ -22,17 +22,23 @@ impl Timestamp {
     }
 }
 
+impl From<f64> for Seconds {
+    fn from(s: f64) -> Self {
+        Self(s)
+    }
+}
+
 impl Sub for Timestamp {
     type Output = Seconds;
     fn sub(self, earlier: Self) -> Seconds {
-        Seconds(self.0.saturating_sub(earlier.0) as f64 * 1e-9)
+        Self(self.0.saturating_sub(earlier.0)).seconds().into()
     }
 }
 
 impl Add<Seconds> for Timestamp {
     type Output = Self;
     fn add(self, span: Seconds) -> Self {
-        Self(self.0.saturating_add((span.0 * 1e9).round() as i64))
+        Self(self.0.saturating_add(Self::from_seconds(span.0).0))
     }
 }
 

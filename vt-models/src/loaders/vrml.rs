@@ -1,0 +1,295 @@
+//! VRML97 (ISO/IEC 14772-1): the `vrml97` crate parses, we walk the scene graph and compose the transforms.
+
+use super::vrml_geometry::Geometry;
+use super::{LoadError, Loader, finish, read};
+use crate::mesh::{Material, Mesh, MeshData, Unit};
+use nalgebra::{Affine3, Matrix4, Point3, Rotation3, Scale3, Translation3, Unit as Direction, Vector3};
+use std::path::Path;
+use vrml97::Scene;
+use vrml97::fields::{FieldValue, NodeId};
+
+/// Reader of `.wrl` files, plain or gzip-compressed.
+///
+/// Reads Transform, Group, Anchor, Billboard, Collision, Switch (the chosen child), LOD (the finest level), DEF/USE
+/// and Shape with IndexedFaceSet, IndexedLineSet, ElevationGrid, Extrusion, Box, Cone, Cylinder and Sphere. Each
+/// Shape is a part, named by its DEF name. Lights, viewpoints and the like are passed over; `Inline` and prototypes
+/// are not followed.
+pub struct VrmlLoader;
+
+/// Deepest nesting of braces and brackets we hand to the recursive parser.
+const MAX_NESTING: usize = 256;
+/// Most scene-graph visits, against files whose USEs multiply.
+const MAX_VISITS: usize = 1_000_000;
+
+impl Loader for VrmlLoader {
+    fn extensions(&self) -> &'static [&'static str] {
+        &["wrl", "vrml"]
+    }
+
+    fn load(&self, path: &Path, unit: Unit) -> Result<Mesh, LoadError> {
+        let text = vrml97::decode_text(&vrml97::gunzip(&read(path)?));
+        check_text(path, &text)?;
+        let scene = vrml97::Parser::new(&text, "")
+            .parse()
+            .map_err(|e| LoadError::syntax(path, e.line, e.message, "VRML97"))?;
+        let mut walk = Walk { scene: &scene, file: path, data: MeshData::default(), visits: 0 };
+        for root in scene.ctx(vrml97::scene::ROOT).root_nodes.iter().flatten() {
+            walk.node(*root, &Affine3::identity(), 0)?;
+        }
+        finish(walk.data, path, unit)
+    }
+}
+
+/// Header and nesting, before the recursive parser sees the text.
+fn check_text(path: &Path, text: &str) -> Result<(), LoadError> {
+    let first = text.lines().next().unwrap_or_default();
+    if !first.starts_with("#VRML V2.0") && !first.starts_with("#X3D") {
+        let shown: String = first.chars().take(40).collect();
+        return Err(LoadError::syntax(path, 1, format!("`{shown}`"), "the header `#VRML V2.0 utf8`"));
+    }
+    let (mut depth, mut line) = (0_usize, 1_usize);
+    let (mut in_comment, mut in_string, mut escaped) = (false, false, false);
+    for c in text.chars() {
+        match c {
+            '\n' => {
+                line += 1;
+                in_comment = false;
+            }
+            _ if in_comment => {}
+            '\\' if in_string => {
+                escaped = !escaped;
+                continue;
+            }
+            '"' if !escaped => in_string = !in_string,
+            '#' if !in_string => in_comment = true,
+            '{' | '[' if !in_string => depth += 1,
+            '}' | ']' if !in_string => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        escaped = false;
+        if depth > MAX_NESTING {
+            return Err(LoadError::syntax(
+                path,
+                line,
+                format!("{depth} nested braces"),
+                format!("at most {MAX_NESTING}"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Typed access to a node's fields; a missing or unexpected field reads as its VRML default.
+#[derive(Clone, Copy)]
+pub(super) struct Fields<'a> {
+    scene: &'a Scene,
+    id: NodeId,
+}
+
+impl<'a> Fields<'a> {
+    fn value(&self, name: &str) -> Option<&'a FieldValue> {
+        let i = self.scene.get_predefined_field(self.id, name)?;
+        Some(&self.scene.node(self.id).fields[i].value)
+    }
+
+    pub fn child(&self, name: &str) -> Option<Self> {
+        match self.value(name)? {
+            FieldValue::SFNode(id) => id.map(|id| Self { scene: self.scene, id }),
+            _ => None,
+        }
+    }
+
+    fn children(&self, name: &str) -> &'a [Option<NodeId>] {
+        match self.value(name) {
+            Some(FieldValue::MFNode(v)) => v,
+            _ => &[],
+        }
+    }
+
+    pub fn type_name(&self) -> String {
+        self.scene.type_name(self.id)
+    }
+
+    pub fn name(&self) -> &'a str {
+        &self.scene.node(self.id).name
+    }
+
+    pub fn flag(&self, name: &str) -> Option<bool> {
+        match self.value(name)? {
+            FieldValue::SFBool(b) => Some(*b),
+            _ => None,
+        }
+    }
+
+    pub fn integer(&self, name: &str) -> Option<i32> {
+        match self.value(name)? {
+            FieldValue::SFInt32(i) => Some(*i),
+            _ => None,
+        }
+    }
+
+    pub fn number(&self, name: &str) -> Option<f64> {
+        match self.value(name)? {
+            FieldValue::SFFloat(x) | FieldValue::SFDouble(x) => Some(*x),
+            _ => None,
+        }
+    }
+
+    pub fn vector(&self, name: &str) -> Option<Vector3<f64>> {
+        match self.value(name)? {
+            FieldValue::SFVec3f(v) => Some(Vector3::new(v.x, v.y, v.z)),
+            _ => None,
+        }
+    }
+
+    pub fn integers(&self, name: &str) -> &'a [i32] {
+        match self.value(name) {
+            Some(FieldValue::MFInt32(v)) => v,
+            _ => &[],
+        }
+    }
+
+    pub fn floats(&self, name: &str) -> Vec<f64> {
+        match self.value(name) {
+            Some(FieldValue::MFVec3f(v) | FieldValue::MFVec2f(v) | FieldValue::MFFloat(v)) => {
+                v.iter().map(|&x| decimal(x)).collect()
+            }
+            Some(FieldValue::MFRotation(v) | FieldValue::MFVec3d(v)) => v.clone(),
+            _ => Vec::new(),
+        }
+    }
+
+    fn rotation(&self, name: &str) -> Option<Rotation3<f64>> {
+        match self.value(name)? {
+            FieldValue::SFRotation(r) => {
+                let [x, y, z, angle] = r.raw();
+                Some(axis_angle(x, y, z, angle))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Rotation about an axis, which VRML does not promise to be of unit length; a zero axis is no rotation.
+pub(super) fn axis_angle(x: f64, y: f64, z: f64, angle: f64) -> Rotation3<f64> {
+    Direction::try_new(Vector3::new(x, y, z), 1e-12)
+        .map_or_else(Rotation3::identity, |axis| Rotation3::from_axis_angle(&axis, angle))
+}
+
+/// The shortest decimal number that reads as this f32, so that authored 0.084 stays 0.084.
+fn decimal(x: f32) -> f64 {
+    x.to_string().parse().unwrap_or(f64::from(x))
+}
+
+struct Walk<'a> {
+    scene: &'a Scene,
+    file: &'a Path,
+    data: MeshData,
+    visits: usize,
+}
+
+impl Walk<'_> {
+    fn node(&mut self, id: NodeId, object_from_node: &Affine3<f64>, depth: usize) -> Result<(), LoadError> {
+        let fields = Fields { scene: self.scene, id };
+        self.visits += 1;
+        if depth > MAX_NESTING || self.visits > MAX_VISITS {
+            let found = format!("nesting {depth} at visit {}", self.visits);
+            return Err(self.error(
+                fields,
+                found,
+                format!("a scene within {MAX_NESTING} levels and {MAX_VISITS} nodes"),
+            ));
+        }
+        match fields.type_name().as_str() {
+            "Transform" => {
+                let object_from_child = object_from_node * transform(fields);
+                self.all(fields.children("children"), &object_from_child, depth)
+            }
+            "Group" | "Anchor" | "Billboard" | "Collision" | "StaticGroup" => {
+                self.all(fields.children("children"), object_from_node, depth)
+            }
+            "LOD" => {
+                self.all(fields.children("children").get(..1).unwrap_or_default(), object_from_node, depth)
+            }
+            "Switch" => {
+                let children = fields.children("children");
+                let which = fields.integer("whichChoice").and_then(|w| usize::try_from(w).ok());
+                match which.and_then(|w| children.get(w)) {
+                    Some(child) => self.all(std::slice::from_ref(child), object_from_node, depth),
+                    None => Ok(()),
+                }
+            }
+            "Shape" => self.shape(fields, object_from_node),
+            _ => Ok(()),
+        }
+    }
+
+    fn all(&mut self, ids: &[Option<NodeId>], frame: &Affine3<f64>, depth: usize) -> Result<(), LoadError> {
+        ids.iter().flatten().try_for_each(|&id| self.node(id, frame, depth + 1))
+    }
+
+    fn shape(&mut self, shape: Fields, object_from_node: &Affine3<f64>) -> Result<(), LoadError> {
+        let Some(node) = shape.child("geometry") else { return Ok(()) };
+        let Some(geometry) =
+            Geometry::read(node).map_err(|(found, expected)| self.error(node, found, expected))?
+        else {
+            return Ok(());
+        };
+        let material = shape.child("appearance").map(|appearance| {
+            let material = appearance.child("material");
+            let diffuse = material.and_then(|m| match m.value("diffuseColor")? {
+                FieldValue::SFColor(c) => Some([c.r() as f32, c.g() as f32, c.b() as f32]),
+                _ => None,
+            });
+            let texture = appearance.child("texture").and_then(|t| match t.value("url")? {
+                FieldValue::MFString(urls) => urls.first().cloned(),
+                _ => None,
+            });
+            // 0.8 grey is the standard's default; without a Material node objects are unlit white.
+            let default = if material.is_some() { [0.8; 3] } else { [1.0; 3] };
+            let name = material.filter(|m| !m.name().is_empty()).unwrap_or(appearance).name().to_owned();
+            Material { name, diffuse: diffuse.unwrap_or(default), texture }
+        });
+        let material = material.map(|m| {
+            let known = self.data.materials.iter().position(|k| *k == m);
+            known.unwrap_or_else(|| {
+                self.data.materials.push(m);
+                self.data.materials.len() - 1
+            }) as u32
+        });
+        let part = self.data.parts.len() as u32;
+        let name = if shape.name().is_empty() { node.name() } else { shape.name() };
+        self.data.parts.push(name.to_owned());
+        let frame = |p: &Point3<f64>| object_from_node * p;
+        geometry.append(&mut self.data, frame, material, part);
+        Ok(())
+    }
+
+    fn error(&self, node: Fields, found: impl Into<String>, expected: impl Into<String>) -> LoadError {
+        let name = if node.name().is_empty() { "without a DEF name" } else { node.name() };
+        let element = format!("{} {name} (shape {})", node.type_name(), self.data.parts.len());
+        LoadError::Element {
+            file: self.file.to_owned(),
+            element,
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+}
+
+/// `T C R SR S SR⁻¹ C⁻¹` (ISO/IEC 14772-1, 6.52).
+fn transform(fields: Fields) -> Affine3<f64> {
+    let translation = fields.vector("translation").unwrap_or_default();
+    let center = fields.vector("center").unwrap_or_default();
+    let scale = fields.vector("scale").unwrap_or_else(|| Vector3::repeat(1.0));
+    let rotation = fields.rotation("rotation").unwrap_or_else(Rotation3::identity).to_homogeneous();
+    let orientation =
+        fields.rotation("scaleOrientation").unwrap_or_else(Rotation3::identity).to_homogeneous();
+    let matrix: Matrix4<f64> = Translation3::from(translation + center).to_homogeneous()
+        * rotation
+        * orientation
+        * Scale3::from(scale).to_homogeneous()
+        * orientation.transpose()
+        * Translation3::from(-center).to_homogeneous();
+    Affine3::from_matrix_unchecked(matrix)
+}

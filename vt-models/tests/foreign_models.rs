@@ -1,0 +1,86 @@
+//! Model files of others, found through `VISP_IMAGES` and `VT_DATA`; their element counts are read off the files.
+#![cfg(feature = "loaders")]
+
+use std::path::PathBuf;
+use vt_models::loaders::load_mesh;
+use vt_models::mesh::{Mesh, Unit};
+
+/// The folder named by an environment variable, or a printed reason to skip.
+fn folder(variable: &str) -> Option<PathBuf> {
+    let found = std::env::var_os(variable).map(PathBuf::from).filter(|p| p.is_dir());
+    if found.is_none() {
+        assert!(
+            std::env::var("VT_REQUIRE_DATA").as_deref() != Ok("1"),
+            "VT_REQUIRE_DATA=1 but {variable} is no folder"
+        );
+        eprintln!("skipped: {variable} is not set to a folder");
+    }
+    found
+}
+
+fn counts(m: &Mesh) -> [usize; 3] {
+    [m.vertices().len(), m.polygons().len(), m.segments().len()]
+}
+
+#[test]
+fn visp_models() {
+    let Some(root) = folder("VISP_IMAGES") else { return };
+    // A cylinder is 64 sides and two caps (128 points more), a circle 64 lines (64 points more).
+    let expected = [
+        ("mbt/cube.cao", [8, 6, 0]),
+        ("mbt/cube.wrl", [8, 6, 0]),
+        ("mbt/cube_and_cylinder.cao", [10 + 128, 6 + 66, 0]),
+        ("mbt/cube_and_cylinder.wrl", [16, 12, 0]),
+        ("mbt-cao/cylinder_cao_model_linux_line_ending.cao", [4 + 128 + 64, 66, 64]),
+        ("mbt-cao/cylinder_cao_model_windows_line_ending.cao", [4 + 128 + 64, 66, 64]),
+        ("mbt-depth/Castle-simu/Models/cube.cao", [10, 4, 0]),
+        ("mbt-depth/Castle-simu/Models/chateau.cao", [14, 5, 0]),
+        ("mbt-depth/Castle-simu/Models/chateau_parts/chateau_floor.cao", [6, 1, 0]),
+        ("mbt-depth/Castle-simu/Models/chateau_parts/chateau_tower.cao", [8, 4, 0]),
+        ("mbt-depth/castel/chateau.cao", [24, 7, 0]),
+        ("mbt-depth/castel/chateau_parts/chateau_front_door.cao", [6, 1, 0]),
+        ("mbt-depth/castel/chateau_parts/chateau_slope.cao", [4, 1, 0]),
+    ];
+    for (name, expected) in expected {
+        let mesh = load_mesh(root.join(name), Unit::Metre).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(counts(&mesh), expected, "{name}");
+    }
+    let castle = load_mesh(root.join("mbt-depth/Castle-simu/Models/chateau.wrl"), Unit::Metre).unwrap();
+    // 14 IndexedFaceSets (one of four faces), 2 IndexedLineSets of which one has a single point.
+    assert_eq!(counts(&castle), [69, 17, 1]);
+    assert!(castle.materials().iter().any(|m| m.diffuse == [1.0, 1.0, 0.0]), "the yellow box");
+    let d = castle.diameter();
+    assert!((0.25..0.45).contains(&d), "{d}");
+    load_mesh(root.join("mbt-depth/castel/chateau_gantry.wrl"), Unit::Metre)
+        .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        load_mesh(root.join("mbt/cube.wrl"), Unit::Metre).unwrap().bounds().min.x,
+        -0.084,
+        "decimals survive"
+    );
+}
+
+#[test]
+fn other_models() {
+    let Some(root) = folder("VT_DATA") else { return };
+    let load =
+        |name: &str, unit| load_mesh(root.join("models").join(name), unit).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(load("vrml/elevationGrid2.wrl", Unit::Metre).polygons().len(), 4 * 5);
+    // 12 wall strips and two caps of 12 corners.
+    let room = load("vrml/extrusion1.wrl", Unit::Metre);
+    assert_eq!(room.polygons().len(), 12 + 2);
+    assert_eq!(room.bounds().max.coords, nalgebra::Vector3::new(2.0, 2.0, 1.0));
+    assert_eq!(load("vrml/creaseAngle.wrl", Unit::Metre).polygons().len(), 4 + 20);
+    let textured = load("vrml/meshWithTexture.wrl", Unit::Metre);
+    assert_eq!(textured.polygons().len(), 32);
+    assert!(textured.polygons().iter().all(|p| p.texcoords.as_ref().is_some_and(|t| t.len() == 3)));
+    assert_eq!(textured.materials()[0].texture.as_deref(), Some("map.gif"));
+    assert!(load("vrml/crystal.wrl", Unit::Metre).polygons().len() >= 10);
+    assert!(load("vrml/house.wrl", Unit::Metre).polygons().len() > 500);
+    let teapot = load("teapot.obj", Unit::Metre);
+    assert!(teapot.polygons().len() > 1000 && teapot.triangles().len() >= teapot.polygons().len() - 500);
+    let head = load("head/head_180mm.obj", Unit::Metre);
+    assert!((head.bounds().max.y - head.bounds().min.y - 0.18).abs() < 0.09, "{:?}", head.bounds());
+    assert_eq!(head.materials()[0].texture.as_deref(), Some("head_180mm_texture.png"));
+    assert!(load("head/LeePerrySmith.obj", Unit::Metre).polygons().len() > 1000);
+}
