@@ -56,11 +56,26 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     /// A point of the model in body coordinates.
-    type Body;
+    type Body: Send + Sync;
+
+    /// The image point of one body point under `pose`, in pixels; `None` where it cannot be projected.
+    fn locate(&self, pose: &P, point: &Self::Body) -> Option<Point2<f64>>;
 
     /// Projects all `points` under `pose`, values and Jacobians in one call; replaces the content of `out`.
     /// Locked degrees of freedom have zero columns.
     fn project(&self, pose: &P, points: &[Self::Body], out: &mut Projected<P>);
+}
+
+/// Model features that a camera sees from a pose (paper §4.5), within a budget.
+pub trait Visibility<P: Manifold>: Send
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// A feature of the model.
+    type Feature;
+
+    /// Features visible under `pose`. The list is kept from call to call until the view has changed enough to matter.
+    fn visible(&mut self, pose: &P) -> &[Self::Feature];
 }
 
 /// `s_t = f(s_{t-1}, Δt, w)` (paper Eq. 7–9) with white noise `w` in the tangent space of the new state.

@@ -10,6 +10,7 @@ pub mod lie;
 pub mod manifold;
 pub mod math;
 pub mod measurement;
+pub mod pose_measurement;
 pub mod report;
 pub mod sketch;
 pub mod time;

@@ -1,1 +1,3 @@
-//! Placeholder.
+//! What is seen: image processing and the visual modalities.
+
+pub mod edge_search;
