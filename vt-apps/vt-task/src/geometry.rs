@@ -81,6 +81,23 @@ pub struct CameraSection {
     pub distortion: Option<Distortion>,
 }
 
+impl CameraSection {
+    /// Checks ranges; the error names the key.
+    ///
+    /// # Errors
+    /// [`ConfigError`].
+    pub fn check(&self) -> Result<(), ConfigError> {
+        if self.size.iter().any(|&n| n == 0 || n > 1 << 15) {
+            let found = format!("{:?}", self.size);
+            return Err(ConfigError::parameter("size", found, "columns and rows from 1 to 32768"));
+        }
+        if self.focal.iter().any(|f| f.si() <= 0.0) {
+            return Err(ConfigError::parameter("focal", format!("{:?}", self.focal), "positive focal lengths"));
+        }
+        Ok(())
+    }
+}
+
 /// Lens distortion of a camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", content = "params", rename_all = "kebab-case", deny_unknown_fields)]
