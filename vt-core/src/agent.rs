@@ -58,12 +58,42 @@ where
     /// A point of the model in body coordinates.
     type Body: Send + Sync;
 
-    /// The image point of one body point under `pose`, in pixels; `None` where it cannot be projected.
-    fn locate(&self, pose: &P, point: &Self::Body) -> Option<Point2<f64>>;
+    /// The warp at one pose: whatever all points share (rotation matrices, forward kinematics) is computed once.
+    type Posed<'a>: Posed<P, Body = Self::Body>
+    where
+        Self: 'a;
+
+    /// Fixes the pose.
+    fn at<'a>(&'a self, pose: &P) -> Self::Posed<'a>;
 
     /// Projects all `points` under `pose`, values and Jacobians in one call; replaces the content of `out`.
-    /// Locked degrees of freedom have zero columns.
-    fn project(&self, pose: &P, points: &[Self::Body], out: &mut Projected<P>);
+    fn project(&self, pose: &P, points: &[Self::Body], out: &mut Projected<P>) {
+        let n = pose.dim();
+        let posed = self.at(pose);
+        out.clear();
+        for point in points {
+            let image = posed.linearize(point);
+            out.valid.push(image.is_some());
+            let (y, j) = image.unwrap_or_else(|| (Point2::origin(), OMatrix::zeros_generic(U2, n)));
+            out.points.push(y);
+            out.jacobians.push(j);
+        }
+    }
+}
+
+/// A warp at a fixed pose.
+pub trait Posed<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// A point of the model in body coordinates.
+    type Body;
+
+    /// The image point in pixels; `None` where it cannot be projected (behind the camera, outside the lens model).
+    fn locate(&self, point: &Self::Body) -> Option<Point2<f64>>;
+
+    /// The image point and `∂y/∂δ` under `p ⊞ δ`. Locked degrees of freedom have zero columns.
+    fn linearize(&self, point: &Self::Body) -> Option<(Point2<f64>, OMatrix<f64, U2, P::D>)>;
 }
 
 /// Model features that a camera sees from a pose (paper §4.5), within a budget.

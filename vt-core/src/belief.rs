@@ -173,6 +173,12 @@ where
         j.generic_view_mut((0, 0), (n, n)).copy_from(&block);
         j
     }
+
+    fn blocks(&self) -> Vec<(String, usize)> {
+        let pose = self.pose.blocks();
+        let velocity = pose.iter().map(|(name, n)| (format!("velocity of {name}"), *n)).collect();
+        [pose, velocity].concat()
+    }
 }
 
 impl<P: Manifold> State<P> for Moving<P>

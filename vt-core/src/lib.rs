@@ -11,6 +11,7 @@ pub mod manifold;
 pub mod math;
 pub mod measurement;
 pub mod pose_measurement;
+pub mod random;
 pub mod report;
 pub mod sketch;
 pub mod time;

@@ -30,6 +30,11 @@ impl<D: Dim, A> Alloc<D> for A where
 {
 }
 
+/// Storage for maps between spaces of dimensions `A` and `B`, such as a Kalman gain.
+pub trait AllocPair<A: Dim, B: Dim>: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+
+impl<A: Dim, B: Dim, T> AllocPair<A, B> for T where T: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+
 /// A tangent vector of the manifold `M`.
 pub type Tangent<M> = OVector<f64, <M as Manifold>::D>;
 
@@ -69,6 +74,11 @@ where
     fn transport(&self, d: &Tangent<Self>) -> Square<Self> {
         let y = self.retract(d);
         differences(self.dim(), |e| y.local(&self.retract(e).retract(d)))
+    }
+
+    /// Names and lengths of the parts of a tangent vector, in order, for messages.
+    fn blocks(&self) -> Vec<(String, usize)> {
+        vec![("tangent".into(), self.dim().value())]
     }
 
     /// The zero tangent vector.

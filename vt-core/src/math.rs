@@ -4,6 +4,12 @@
 //! filter another way. All crates of this project call these pure-Rust versions instead (`nalgebra` is built with
 //! `libm-force`), and clippy refuses the others. `f64::sqrt` is exact by IEEE 754 and may be used directly.
 
+mod gamma;
+mod normal;
+
+pub use gamma::{chi_square_cdf, chi_square_quantile, chi_square_survival, gamma_p, gamma_q, ln_gamma};
+pub use normal::{normal_cdf, normal_quantile};
+
 /// Sine of an angle in radians.
 #[inline]
 pub fn sin(x: f64) -> f64 {
@@ -110,6 +116,12 @@ pub fn cbrt(x: f64) -> f64 {
 #[inline]
 pub fn erf(x: f64) -> f64 {
     libm::erf(x)
+}
+
+/// `1 - erf(x)`, accurate where it is small.
+#[inline]
+pub fn erfc(x: f64) -> f64 {
+    libm::erfc(x)
 }
 
 /// Logistic function `1 / (1 + exp(-x))`, without overflow.

@@ -22,16 +22,10 @@ impl Timestamp {
     }
 }
 
-impl From<f64> for Seconds {
-    fn from(s: f64) -> Self {
-        Self(s)
-    }
-}
-
 impl Sub for Timestamp {
     type Output = Seconds;
     fn sub(self, earlier: Self) -> Seconds {
-        Self(self.0.saturating_sub(earlier.0)).seconds().into()
+        Seconds(Self(self.0.saturating_sub(earlier.0)).seconds())
     }
 }
 

@@ -1,1 +1,4 @@
-//! Placeholder.
+//! Bayesian estimators on manifolds.
+pub mod association;
+pub mod kalman;
+pub mod map;

@@ -1,5 +1,7 @@
 //! What is tracked: shapes, edges, cameras, visibility.
 
+pub mod camera;
+pub mod edges;
 #[cfg(feature = "loaders")]
 pub mod loaders;
 pub mod mesh;

@@ -2,8 +2,9 @@
 #![cfg(feature = "loaders")]
 
 use std::path::PathBuf;
+use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_models::loaders::load_mesh;
-use vt_models::mesh::{Mesh, Unit};
+use vt_models::mesh::{Mesh, MeshData, Polygon, Segment, Unit};
 
 /// The folder named by an environment variable, or a printed reason to skip.
 fn folder(variable: &str) -> Option<PathBuf> {
@@ -83,4 +84,63 @@ fn other_models() {
     assert!((head.bounds().max.y - head.bounds().min.y - 0.18).abs() < 0.09, "{:?}", head.bounds());
     assert_eq!(head.materials()[0].texture.as_deref(), Some("head_180mm_texture.png"));
     assert!(load("head/LeePerrySmith.obj", Unit::Metre).polygons().len() > 1000);
+}
+
+/// Unwelded triangles of a mesh, each cut into `4^levels`, in an order scrambled by a multiplicative hash.
+fn soup(mesh: &Mesh, levels: u32) -> Mesh {
+    let mut triangles: Vec<_> = mesh.triangles().iter().map(|t| mesh.corners(t)).collect();
+    for _ in 0..levels {
+        triangles = triangles
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| nalgebra::center(&p, &q));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+            })
+            .collect();
+    }
+    let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
+    order.sort_by_key(|i| i.wrapping_mul(2_654_435_761));
+    let mut data = MeshData::default();
+    for i in order {
+        let base = data.vertices.len() as u32;
+        data.vertices.extend(triangles[i as usize]);
+        let corners =
+            if i % 3 == 0 { vec![base + 2, base + 1, base] } else { vec![base, base + 1, base + 2] };
+        data.polygons.push(Polygon { corners, ..Default::default() });
+    }
+    for s in mesh.segments() {
+        let base = data.vertices.len() as u32;
+        data.vertices.extend(s.ends.map(|e| mesh.vertices()[e as usize]));
+        data.segments.push(Segment { ends: [base, base + 1], material: None, part: 0 });
+    }
+    Mesh::new(data).unwrap()
+}
+
+fn assert_same_hard_edges(a: &EdgeModel, b: &EdgeModel, tolerance: f64) {
+    assert_eq!(a.hard().count(), b.hard().count(), "{:?}\n{:?}", a.report(), b.report());
+    for e in a.hard() {
+        let twin = b.hard().any(|f| {
+            let d = |i: usize, j: usize| (e.ends[i] - f.ends[j]).norm();
+            f.kind == e.kind && (d(0, 0).max(d(1, 1)) < tolerance || d(0, 1).max(d(1, 0)) < tolerance)
+        });
+        assert!(twin, "{:?} {:?} has no twin", e.kind, e.ends);
+    }
+}
+
+#[test]
+fn edges_of_the_castle_survive_soup() {
+    let Some(root) = folder("VISP_IMAGES") else { return };
+    for name in ["mbt-depth/Castle-simu/Models/chateau.wrl", "mbt/cube_and_cylinder.wrl"] {
+        let mesh = load_mesh(root.join(name), Unit::Metre).unwrap();
+        let options = EdgeOptions::default();
+        let original = EdgeModel::new(&mesh, &options).unwrap();
+        eprintln!("{name}: {:?}", original.report());
+        for levels in 0..4 {
+            let model = EdgeModel::new(&soup(&mesh, levels), &options).unwrap();
+            assert_same_hard_edges(&original, &model, 2e-5 * mesh.diameter());
+        }
+    }
+    let cube = load_mesh(root.join("mbt/cube.wrl"), Unit::Metre).unwrap();
+    let model = EdgeModel::new(&cube, &EdgeOptions::default()).unwrap();
+    assert_eq!((model.edges().len(), model.report().creases), (12, 12));
 }

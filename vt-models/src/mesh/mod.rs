@@ -11,6 +11,7 @@ mod triangulation;
 pub use error::MeshError;
 pub use shape::{Part, Shape};
 pub use triangulation::triangulate;
+pub(crate) use triangulation::unit_normal;
 
 use nalgebra::{Point3, Vector3};
 

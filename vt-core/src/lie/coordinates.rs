@@ -1,0 +1,110 @@
+//! Standard coordinates of the groups, for files and reports.
+
+use nalgebra::{DVector, Quaternion, SVector, UnitQuaternion, Vector3};
+
+use super::{DynVector, SE2, SE3, SO2, SO3, Sim3, Vector};
+use crate::manifold::Coordinates;
+
+/// Exactly `N` finite numbers.
+fn finite<const N: usize>(c: &[f64]) -> Option<[f64; N]> {
+    let c: [f64; N] = c.try_into().ok()?;
+    c.iter().all(|v| v.is_finite()).then_some(c)
+}
+
+fn write_quaternion(q: &UnitQuaternion<f64>, out: &mut Vec<f64>) {
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    out.extend([q.i, q.j, q.k, q.w].map(|v| v * sign));
+}
+
+/// Any multiple of a unit quaternion `x y z w`; `None` for zero.
+fn read_quaternion(c: [f64; 4]) -> Option<UnitQuaternion<f64>> {
+    let largest = c.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if largest == 0.0 {
+        return None;
+    }
+    let [x, y, z, w] = c.map(|v| v / largest);
+    Some(UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)))
+}
+
+/// `angle`, radians.
+impl Coordinates for SO2 {
+    const SPACE: &'static str = "so2";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.push(self.angle());
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        finite::<1>(c).map(|[angle]| Self::from_angle(angle))
+    }
+}
+
+/// `x y angle`.
+impl Coordinates for SE2 {
+    const SPACE: &'static str = "se2";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend([self.translation.x, self.translation.y, self.angle()]);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        finite::<3>(c).map(|[x, y, angle]| Self::new(x, y, angle))
+    }
+}
+
+/// `qx qy qz qw` with `qw ≥ 0`; normalised when read.
+impl Coordinates for SO3 {
+    const SPACE: &'static str = "so3";
+    fn write(&self, out: &mut Vec<f64>) {
+        write_quaternion(&self.rotation, out);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        Some(Self { rotation: read_quaternion(finite(c)?)? })
+    }
+}
+
+/// `tx ty tz qx qy qz qw` with `qw ≥ 0`; normalised when read.
+impl Coordinates for SE3 {
+    const SPACE: &'static str = "se3";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend(self.translation.iter());
+        write_quaternion(&self.rotation, out);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        let [tx, ty, tz, qx, qy, qz, qw] = finite(c)?;
+        Some(Self { rotation: read_quaternion([qx, qy, qz, qw])?, translation: Vector3::new(tx, ty, tz) })
+    }
+}
+
+/// `tx ty tz qx qy qz qw scale`, scale positive.
+impl Coordinates for Sim3 {
+    const SPACE: &'static str = "sim3";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend(self.translation.iter());
+        write_quaternion(&self.rotation, out);
+        out.push(self.scale);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        let (&scale, rigid) = c.split_last()?;
+        let SE3 { rotation, translation } = SE3::read(rigid)?;
+        (scale.is_finite() && scale > 0.0).then_some(Self { rotation, translation, scale })
+    }
+}
+
+/// The components.
+impl<const N: usize> Coordinates for Vector<N> {
+    const SPACE: &'static str = "vector";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend(self.0.iter());
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        finite::<N>(c).map(|c| Self(SVector::from(c)))
+    }
+}
+
+/// The components.
+impl Coordinates for DynVector {
+    const SPACE: &'static str = "vector";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend(self.0.iter());
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        c.iter().all(|v| v.is_finite()).then(|| Self(DVector::from_column_slice(c)))
+    }
+}

@@ -1,0 +1,146 @@
+//! Trigonometric quotients without cancellation, for any real scalar.
+
+use nalgebra::{Matrix3, RealField, UnitComplex, UnitQuaternion, Vector3, convert};
+
+/// A constant of the scalar `T`.
+#[inline]
+pub(super) fn real<T: RealField + Copy>(x: f64) -> T {
+    convert(x)
+}
+
+/// Stumpff functions `c_n(x) = Σ_k (-x)^k / (2k + n)!` for `n = 0 … 3`, `x ≥ 0`.
+///
+/// With `x = θ²`: `cos θ`, `sin θ / θ`, `(1 - cos θ) / θ²`, `(θ - sin θ) / θ³`. Below 1 they are polynomials in `x`:
+/// no root, no cancellation, and derivatives that dual numbers can carry through zero.
+#[inline]
+pub(super) fn stumpff<T: RealField + Copy>(x: T) -> [T; 4] {
+    if x < T::one() {
+        let (c2, c3) = (horner(x, &TAIL2) * real(1.0 / 2.0), horner(x, &TAIL3) * real(1.0 / 6.0));
+        [T::one() - x * c2, T::one() - x * c3, c2, c3]
+    } else {
+        let angle = x.sqrt();
+        let (s, c) = angle.sin_cos();
+        let s = s / angle;
+        [c, s, (T::one() - c) / x, (T::one() - s) / x]
+    }
+}
+
+/// The Stumpff functions `c_4(x)` and `c_5(x)`.
+pub(super) fn stumpff_high<T: RealField + Copy>(x: T) -> [T; 2] {
+    if x < T::one() {
+        [horner(x, &TAIL4) * real(1.0 / 24.0), horner(x, &TAIL5) * real(1.0 / 120.0)]
+    } else {
+        let [_, _, c2, c3] = stumpff(x);
+        [(real::<T>(1.0 / 2.0) - c2) / x, (real::<T>(1.0 / 6.0) - c3) / x]
+    }
+}
+
+/// Ratios of neighbouring coefficients of `n! c_n`: `1 / ((n + 2k + 1)(n + 2k + 2))`.
+const fn tail(n: usize) -> [f64; 8] {
+    let mut ratios = [0.0; 8];
+    let mut k = 0;
+    while k < 8 {
+        ratios[k] = 1.0 / ((n + 2 * k + 1) * (n + 2 * k + 2)) as f64;
+        k += 1;
+    }
+    ratios
+}
+const TAIL2: [f64; 8] = tail(2);
+const TAIL3: [f64; 8] = tail(3);
+const TAIL4: [f64; 8] = tail(4);
+const TAIL5: [f64; 8] = tail(5);
+
+/// `1 - r_0 x (1 - r_1 x (1 - …))`.
+#[inline]
+fn horner<T: RealField + Copy>(x: T, ratios: &[f64; 8]) -> T {
+    let mut sum = T::one();
+    for &r in ratios.iter().rev() {
+        sum = T::one() - x * real(r) * sum;
+    }
+    sum
+}
+
+/// Angle of the vector `(x, y)` in `(-π, π]`, with finite derivatives away from the origin.
+pub(super) fn angle<T: RealField + Copy>(y: T, x: T) -> T {
+    if x.abs() >= y.abs() {
+        y.atan2(x)
+    } else if y > T::zero() {
+        T::frac_pi_2() - (x / y).atan()
+    } else {
+        -T::frac_pi_2() - (x / y).atan()
+    }
+}
+
+/// The matrix of the cross product, `[a]× b = a × b`.
+#[inline]
+pub(super) fn cross<T: RealField + Copy>(a: &Vector3<T>) -> Matrix3<T> {
+    let o = T::zero();
+    Matrix3::new(o, -a.z, a.y, a.z, o, -a.x, -a.y, a.x, o)
+}
+
+/// Rotation by the rotation vector `w`, and the coefficients `c_2`, `c_3` of `V = I + c_2 [w]× + c_3 [w]×²`.
+///
+/// All from functions of a quarter of `|w|²`, hence polynomials up to an angle of two radians.
+#[inline]
+pub(super) fn rotation_exp<T: RealField + Copy>(w: &Vector3<T>) -> (UnitQuaternion<T>, T, T) {
+    let y = w.norm_squared() * real(0.25);
+    let [c0, c1, c2, c3] = stumpff(y);
+    let half: T = real(0.5);
+    let v = w * (c1 * half);
+    let q = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(c0, v.x, v.y, v.z));
+    (q, c1 * c1 * half, (c2 + c3 - y * c2 * c3) * real(0.25))
+}
+
+/// Rotation vector of `q`, with an angle in `[0, π]`.
+#[inline]
+pub(super) fn rotation_log<T: RealField + Copy>(q: &UnitQuaternion<T>) -> Vector3<T> {
+    let (mut w, mut v) = (q.w, Vector3::new(q.i, q.j, q.k));
+    if w < T::zero() {
+        w = -w;
+        v = -v;
+    }
+    let squared = v.norm_squared();
+    let t = squared / (w * w);
+    if t < real(0.01) {
+        // 2 atan(√t) / (√t w)
+        let mut sum = T::zero();
+        for k in (0..9).rev() {
+            sum = real::<T>(1.0 / (2 * k + 1) as f64) - t * sum;
+        }
+        return v * (real::<T>(2.0) * sum / w);
+    }
+    let n = squared.sqrt();
+    v * (real::<T>(2.0) * angle(n, w) / n)
+}
+
+/// Coefficient `e` of `V⁻¹ = I - ½ [w]× + e [w]×²` for a rotation vector of this squared length.
+#[inline]
+pub(super) fn inverse_coefficient<T: RealField + Copy>(squared: T) -> T {
+    let [_, c1, c2, c3] = stumpff(squared * real(0.25));
+    (c2 - c3) / (real::<T>(4.0) * c1)
+}
+
+/// `I + a K + b K²` with `K = [w]×`.
+#[inline]
+pub(super) fn polynomial<T: RealField + Copy>(w: &Vector3<T>, a: T, b: T) -> Matrix3<T> {
+    let k = cross(w);
+    Matrix3::identity() + k * a + k * k * b
+}
+
+/// Product of two rotations, brought back to unit length to first order: repeated products do not drift.
+#[inline]
+pub(super) fn product<T: RealField + Copy>(
+    a: &UnitQuaternion<T>,
+    b: &UnitQuaternion<T>,
+) -> UnitQuaternion<T> {
+    let q = a.into_inner() * b.into_inner();
+    UnitQuaternion::new_unchecked(q * (real::<T>(1.5) - q.norm_squared() * real(0.5)))
+}
+
+/// Product of two rotations of the plane, brought back to unit length to first order.
+#[inline]
+pub(super) fn plane_product<T: RealField + Copy>(a: &UnitComplex<T>, b: &UnitComplex<T>) -> UnitComplex<T> {
+    let (re, im) = (a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re);
+    let s = real::<T>(1.5) - (re * re + im * im) * real(0.5);
+    UnitComplex::new_unchecked(nalgebra::Complex::new(re * s, im * s))
+}

@@ -1,0 +1,73 @@
+//! Real vectors, of a size known at compile time or at run time.
+
+use nalgebra::{Const, DVector, Dyn, RealField, SMatrix, SVector};
+
+use super::{LieGroup, manifold_of_group};
+use crate::manifold::{Manifold, Square, Tangent};
+
+/// `R^N`: the group of translations of itself. Tangent: the components, in their own units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vector<const N: usize, T: RealField + Copy = f64>(pub SVector<T, N>);
+
+impl<const N: usize, T: RealField + Copy> LieGroup<T> for Vector<N, T> {
+    type Dim = Const<N>;
+    type Point = SVector<T, N>;
+    type Over<U: RealField + Copy> = Vector<N, U>;
+
+    fn identity() -> Self {
+        Self(SVector::zeros())
+    }
+    fn compose(&self, other: &Self) -> Self {
+        Self(self.0 + other.0)
+    }
+    fn inverse(&self) -> Self {
+        Self(-self.0)
+    }
+    fn exp(d: &SVector<T, N>) -> Self {
+        Self(*d)
+    }
+    fn log(&self) -> SVector<T, N> {
+        self.0
+    }
+    fn act(&self, p: &SVector<T, N>) -> SVector<T, N> {
+        self.0 + p
+    }
+    fn adjoint(&self) -> SMatrix<T, N, N> {
+        SMatrix::identity()
+    }
+    fn left_jacobian(_: &SVector<T, N>) -> SMatrix<T, N, N> {
+        SMatrix::identity()
+    }
+    fn left_jacobian_inverse(_: &SVector<T, N>) -> SMatrix<T, N, N> {
+        SMatrix::identity()
+    }
+}
+
+manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector", N)]);
+
+/// `R^n` with `n` known at run time, such as the joint angles of a skeleton. Tangent: the components.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DynVector(pub DVector<f64>);
+
+impl Manifold for DynVector {
+    type D = Dyn;
+
+    fn dim(&self) -> Dyn {
+        Dyn(self.0.len())
+    }
+    fn retract(&self, d: &Tangent<Self>) -> Self {
+        Self(&self.0 + d)
+    }
+    fn local(&self, other: &Self) -> Tangent<Self> {
+        &other.0 - &self.0
+    }
+    fn retract_jacobian(&self, _: &Tangent<Self>) -> Square<Self> {
+        Square::<Self>::identity_generic(self.dim(), self.dim())
+    }
+    fn transport(&self, _: &Tangent<Self>) -> Square<Self> {
+        Square::<Self>::identity_generic(self.dim(), self.dim())
+    }
+    fn blocks(&self) -> Vec<(String, usize)> {
+        vec![("vector".into(), self.0.len())]
+    }
+}

@@ -1,0 +1,216 @@
+//! One Bayesian correction of a Gaussian belief: the maximum a posteriori of prior and measurement with its
+//! covariance (paper Eq. 6). One iteration is the extended Kalman filter, several are the iterated one (equal to
+//! Gauss–Newton on prior and data, Bell and Cathey 1993).
+
+use nalgebra::{Cholesky, DefaultAllocator, U1};
+use vt_core::belief::{Gaussian, State, cholesky, symmetrize};
+use vt_core::dynamics::semidefinite_root;
+use vt_core::error::EstimateError;
+use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
+use vt_core::math;
+use vt_core::measurement::{Measurement, NormalEquations};
+use vt_core::report::{Innovation, StopReason};
+
+/// Largest step, in deviations of the posterior, after which the iteration counts as converged.
+const CONVERGED: f64 = 1e-4;
+
+/// Combines `prior` with the measurement `z` of its pose in at most `iterations` Gauss–Newton steps.
+///
+/// In the chart at the iterate `x` the prior is `N(μ, P)` and the data say `A δ = b`. With `A = R Rᵀ`, which exists
+/// for singular `A` too, the measurement is `y = R⁺b` with unit noise and `H = Rᵀ[1 0]`, and
+///
+/// ```text
+/// S = 1 + H P Hᵀ,   K = P Hᵀ S⁻¹,   δ = μ + K (y − Hμ),   P⁺ = (1 − KH) P (1 − KH)ᵀ + K Kᵀ   (Joseph)
+/// ```
+///
+/// # Errors
+/// [`EstimateError::NotFinite`] when prior or measurement hold NaN or infinity.
+pub fn maximum_a_posteriori<P, S>(
+    prior: &Gaussian<S>,
+    z: &dyn Measurement<P>,
+    iterations: u32,
+) -> Result<(Gaussian<S>, Innovation), EstimateError>
+where
+    P: Manifold,
+    S: State<P>,
+    DefaultAllocator: AllocPair<S::D, P::D>,
+{
+    if !prior.is_finite() {
+        return Err(EstimateError::NotFinite("the prior"));
+    }
+    let mut equations = NormalEquations::empty(prior.mean.pose());
+    let mut x = prior.mean.clone();
+    let mut innovation = Innovation { stop: StopReason::Direct, ..Innovation::default() };
+    let precision = if iterations > 1 { cholesky(prior.covariance.clone()) } else { None };
+    let mut objective = f64::NAN;
+    let mut posterior = prior.clone();
+    for step in 0..iterations.max(1) {
+        innovation.iterations = step + 1;
+        z.normal_equations(x.pose(), &mut equations);
+        if !(equations.gradient.iter().chain(equations.information.iter()).all(|v| v.is_finite())) {
+            return Err(EstimateError::NotFinite("the measurement"));
+        }
+        let here = Chart::new(prior, &x);
+        let (delta, covariance) = here.correct(&equations, &mut innovation);
+        let next = x.retract(&delta);
+        if !next.is_finite() {
+            return Err(EstimateError::NotFinite("the corrected state"));
+        }
+        let settled =
+            (0..delta.len()).all(|k| delta[k].abs() <= CONVERGED * covariance[(k, k)].max(0.0).sqrt());
+        posterior.covariance = reset(&x, &delta, covariance);
+        posterior.mean = next;
+        if iterations <= 1 {
+            break;
+        }
+        if let Some(precision) = &precision {
+            if objective.is_nan() {
+                objective = cost(prior, precision, z, &x);
+            }
+            let (better, value) = line_search(prior, precision, z, &x, &delta, objective);
+            posterior.mean = better;
+            if value >= objective {
+                innovation.stop = if settled { StopReason::SmallStep } else { StopReason::SmallDecrease };
+                break;
+            }
+            objective = value;
+        }
+        x = posterior.mean.clone();
+        innovation.stop = StopReason::Iterations;
+        if settled {
+            innovation.stop = StopReason::SmallStep;
+            break;
+        }
+    }
+    Ok((posterior, innovation))
+}
+
+/// The prior as seen from the iterate: mean and covariance in the chart there.
+struct Chart<S: Manifold>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    mean: Tangent<S>,
+    covariance: Square<S>,
+}
+
+impl<S: Manifold> Chart<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn new(prior: &Gaussian<S>, x: &S) -> Self {
+        let moved = prior.mean.retract_jacobian(&prior.mean.local(x));
+        let mut covariance = &moved * &prior.covariance * moved.transpose();
+        symmetrize(&mut covariance);
+        Self { mean: x.local(&prior.mean), covariance }
+    }
+
+    fn correct<P: Manifold>(
+        &self,
+        data: &NormalEquations<P>,
+        innovation: &mut Innovation,
+    ) -> (Tangent<S>, Square<S>)
+    where
+        DefaultAllocator: AllocPair<S::D, P::D>,
+    {
+        let (n, np) = (self.mean.shape_generic().0, data.gradient.shape_generic().0);
+        let root = semidefinite_root(&data.information);
+        let gain_side = self.covariance.columns_generic(0, np) * &root; // P Hᵀ
+        let mut s = root.tr_mul(&gain_side.rows_generic(0, np)); // H P Hᵀ
+        symmetrize(&mut s);
+        for k in 0..s.nrows() {
+            s[(k, k)] += 1.0;
+        }
+        let y = pseudo_solve::<P>(&root, &data.gradient);
+        let nu = &y - root.tr_mul(&self.mean.rows_generic(0, np));
+        // S = 1 + a positive semi-definite matrix is positive definite unless it overflowed.
+        let Some(factor) = Cholesky::new(s) else { return (self.mean.clone(), self.covariance.clone()) };
+        let weighted = factor.solve(&nu);
+        let gain = factor.solve(&gain_side.transpose()).transpose(); // K = P Hᵀ S⁻¹
+        let delta = &self.mean + &gain * &nu;
+        let mut keep = Square::<S>::identity_generic(n, n);
+        let kh = &gain * root.transpose();
+        {
+            let mut block = keep.columns_generic_mut(0, np);
+            block -= kh;
+        }
+        let mut covariance = &keep * &self.covariance * keep.transpose() + &gain * gain.transpose();
+        symmetrize(&mut covariance);
+        innovation.nis = nu.dot(&weighted);
+        innovation.dof = (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count();
+        let l = factor.l_dirty();
+        let log_det: f64 = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
+        innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - innovation.nis - log_det);
+        (delta, covariance)
+    }
+}
+
+/// `R⁺ b` for a lower-trapezoidal `R` as [`semidefinite_root`] makes it: forward substitution, zero where a column is.
+fn pseudo_solve<P: Manifold>(root: &Square<P>, b: &Tangent<P>) -> Tangent<P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let mut rest = b.clone();
+    let mut y = Tangent::<P>::zeros_generic(b.shape_generic().0, U1);
+    for k in 0..root.ncols() {
+        let pivot = root[(k, k)];
+        if pivot > 0.0 {
+            y[k] = rest[k] / pivot;
+            for r in k..root.nrows() {
+                rest[r] -= root[(r, k)] * y[k];
+            }
+        }
+    }
+    y
+}
+
+/// Covariance moved from the chart at `x` to the chart at `x ⊞ δ` ("reset", FIELD.md §2.15).
+fn reset<S: Manifold>(x: &S, delta: &Tangent<S>, covariance: Square<S>) -> Square<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    let g = x.retract_jacobian(delta);
+    let mut moved = &g * covariance * g.transpose();
+    symmetrize(&mut moved);
+    moved
+}
+
+/// `−ln P(z|x) + ½ ‖x ⊟ prior‖²`.
+fn cost<P: Manifold, S: State<P>>(
+    prior: &Gaussian<S>,
+    precision: &Cholesky<f64, S::D>,
+    z: &dyn Measurement<P>,
+    x: &S,
+) -> f64
+where
+    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+{
+    let d = prior.mean.local(x);
+    let mut l = [0.0];
+    z.log_likelihoods(core::slice::from_ref(x.pose()), &mut l);
+    0.5 * d.dot(&precision.solve(&d)) - l[0]
+}
+
+/// Halves the step until the cost falls; the point where it started when it never does.
+fn line_search<P: Manifold, S: State<P>>(
+    prior: &Gaussian<S>,
+    precision: &Cholesky<f64, S::D>,
+    z: &dyn Measurement<P>,
+    x: &S,
+    delta: &Tangent<S>,
+    before: f64,
+) -> (S, f64)
+where
+    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+{
+    let mut share = 1.0;
+    for _ in 0..6 {
+        let candidate = x.retract(&(delta * share));
+        let value = cost(prior, precision, z, &candidate);
+        if value <= before {
+            return (candidate, value);
+        }
+        share *= 0.5;
+    }
+    (x.clone(), before)
+}

@@ -1,0 +1,74 @@
+//! Static fusion: independent measurements of one target become one before the estimator (paper §2; FIELD.md §1.0 X4).
+//!
+//! Stacking rows, updating one after the other and summing information are the same for linear models and
+//! independent noise; here the information is summed.
+
+use nalgebra::DefaultAllocator;
+use vt_core::manifold::{Alloc, Manifold};
+use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
+
+/// Measurements of one target at one time, as one.
+pub struct Stacked<'a, P: Manifold>(pub &'a [&'a dyn Measurement<P>])
+where
+    DefaultAllocator: Alloc<P::D>;
+
+impl<P: Manifold> Measurement<P> for Stacked<'_, P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
+        out.fill(0.0);
+        let mut part = vec![0.0; out.len()];
+        for z in self.0 {
+            z.log_likelihoods(poses, &mut part);
+            out.iter_mut().zip(&part).for_each(|(sum, l)| *sum += l);
+        }
+    }
+
+    fn residuals(&self, at: &P, out: &mut Linearized<P>) {
+        out.clear();
+        let mut part = Linearized::default();
+        for z in self.0 {
+            z.residuals(at, &mut part);
+            out.residuals.append(&mut part.residuals);
+            out.jacobians.append(&mut part.jacobians);
+            out.variances.append(&mut part.variances);
+            out.weights.append(&mut part.weights);
+        }
+    }
+
+    fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>) {
+        out.clear();
+        let mut part = NormalEquations::empty(at);
+        for z in self.0 {
+            z.normal_equations(at, &mut part);
+            out.join(&part);
+        }
+    }
+
+    /// Counts add up; ratios are means over the expected rows.
+    fn quality(&self, at: &P) -> Quality {
+        let mut sum = Quality::default();
+        let mut squares = 0.0;
+        for q in self.0.iter().map(|z| z.quality(at)) {
+            let share = q.expected as f64;
+            sum.inlier_ratio += q.inlier_ratio * share;
+            sum.log_ratio += q.log_ratio * share;
+            squares += q.normalized_rms * q.normalized_rms * q.inliers as f64;
+            sum.expected += q.expected;
+            sum.inliers += q.inliers;
+        }
+        let n = (sum.expected as f64).max(1.0);
+        sum.inlier_ratio /= n;
+        sum.log_ratio /= n;
+        sum.normalized_rms = (squares / (sum.inliers as f64).max(1.0)).sqrt();
+        sum
+    }
+
+    fn level(&self) -> Level {
+        match self.0 {
+            [one] => one.level(),
+            _ => Level::Feature,
+        }
+    }
+}

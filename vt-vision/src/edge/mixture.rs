@@ -1,0 +1,172 @@
+//! Contour likelihood with several edges on each search line (Isard and Blake 1998).
+//!
+//! For a line with edges at positions `c_k` and a contour predicted at `u = n · y(p)`,
+//!
+//! ```text
+//! P(line | p) ∝ 1 + β Σ_k π_k exp(−(c_k − u)² / 2σ²),      β = 1 / (√(2π) σ q λ)
+//! ```
+//!
+//! with the probability `q` of a miss and `λ` clutter edges per pixel. The constant bounds the influence of any line:
+//! seen as an M-estimator it is redescending, and no edge or only far edges mean "missing", not "impossible".
+
+use core::marker::PhantomData;
+
+use nalgebra::{DefaultAllocator, Point3, Vector2};
+use vt_core::agent::{Posed, Warp};
+use vt_core::manifold::{Alloc, Manifold};
+use vt_core::math;
+use vt_core::measurement::{NormalEquations, Quality};
+
+/// `√(2π)`.
+const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
+
+/// A search line that was looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Contour point on the model, body coordinates, metres.
+    pub point: Point3<f64>,
+    /// Normal of the contour in the image.
+    pub normal: Vector2<f64>,
+    /// Position `n · y` of the contour when it was searched, pixels.
+    pub searched_at: f64,
+    /// First of the line's edges in the common list.
+    pub first: u32,
+    /// Number of the line's edges.
+    pub count: u32,
+    /// Model edge that the point lies on.
+    pub edge: u32,
+    /// Weight of the line; below 1 where neighbours share their errors.
+    pub weight: f64,
+}
+
+/// An edge on a search line.
+#[derive(Clone, Copy, Debug)]
+pub struct LineEdge {
+    /// Position along the line's normal, `n · m`, pixels.
+    pub position: f64,
+    /// Step along the normal in grey levels.
+    pub contrast: f64,
+    /// Prior weight `π`: how well the edge's contrast fits what this contour showed before.
+    pub prior: f64,
+}
+
+/// All lines of one search with their edges, as a likelihood of the pose.
+pub struct EdgeMixture<P, W> {
+    pub(super) warp: W,
+    pub(super) lines: Vec<Line>,
+    pub(super) edges: Vec<LineEdge>,
+    /// Scale of the residuals, pixels.
+    pub(super) sigma: f64,
+    /// `q λ`: miss probability times clutter density.
+    pub(super) clutter: f64,
+    pub(super) pose: PhantomData<fn() -> P>,
+}
+
+/// What one line says about a contour position.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Vote {
+    /// Probability that one of the edges is the contour's.
+    pub probability: f64,
+    /// Mean residual of the edges under that probability, times the probability.
+    pub pull: f64,
+    /// `ln P` against clutter.
+    pub log_ratio: f64,
+    /// Index and probability of the most probable edge.
+    pub best: Option<(usize, f64)>,
+}
+
+impl<P: Manifold, W: Warp<P, Body = Point3<f64>>> EdgeMixture<P, W>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    pub(super) fn new(warp: W, sigma: f64, clutter: f64) -> Self {
+        Self { warp, lines: vec![], edges: vec![], sigma, clutter, pose: PhantomData }
+    }
+
+    /// The vote of `line` for a contour at position `u` with scale `sigma`.
+    pub(super) fn vote(&self, line: &Line, u: f64, sigma: f64) -> Vote {
+        let beta = 1.0 / (SQRT_TAU * sigma * self.clutter);
+        let scale = -0.5 / (sigma * sigma);
+        let (mut sum, mut pull, mut best) = (0.0, 0.0, None);
+        let first = line.first as usize;
+        for (k, edge) in self.edges[first..first + line.count as usize].iter().enumerate() {
+            let r = edge.position - u;
+            let exponent = r * r * scale;
+            if exponent < -30.0 {
+                continue;
+            }
+            let p = beta * edge.prior * math::exp(exponent);
+            sum += p;
+            pull += p * r;
+            if best.is_none_or(|(_, q)| p > q) {
+                best = Some((first + k, p));
+            }
+        }
+        let total = 1.0 + sum;
+        Vote {
+            probability: sum / total,
+            pull: pull / total,
+            log_ratio: math::ln(total),
+            best: best.map(|(k, p)| (k, p / total)),
+        }
+    }
+
+    /// Log-likelihood of one pose.
+    pub(super) fn log_likelihood(&self, pose: &P) -> f64 {
+        let posed = self.warp.at(pose);
+        let mut sum = 0.0;
+        for line in &self.lines {
+            if let Some(y) = posed.locate(&line.point) {
+                sum += line.weight * self.vote(line, line.normal.dot(&y.coords), self.sigma).log_ratio;
+            }
+        }
+        sum
+    }
+
+    /// Gradient and Gauss–Newton matrix of the negative log-likelihood with scale `sigma`.
+    pub(super) fn normal_equations(&self, at: &P, sigma: f64, out: &mut NormalEquations<P>) {
+        out.clear();
+        let posed = self.warp.at(at);
+        let information = 1.0 / (sigma * sigma);
+        for line in &self.lines {
+            let Some((y, j)) = posed.linearize(&line.point) else { continue };
+            let vote = self.vote(line, line.normal.dot(&y.coords), sigma);
+            out.cost -= line.weight * vote.log_ratio;
+            if vote.probability > 0.0 {
+                let j = j.tr_mul(&line.normal);
+                let w = line.weight * information;
+                out.information.ger(w * vote.probability, &j, &j, 1.0);
+                out.gradient.axpy(w * vote.pull, &j, 1.0);
+                out.rows += 1;
+            }
+        }
+    }
+
+    /// Support of a pose by the lines.
+    pub(super) fn quality(&self, at: &P) -> Quality {
+        let posed = self.warp.at(at);
+        let mut q = Quality::default();
+        let (mut weight, mut inlier_weight, mut squares, mut log_ratio) = (0.0, 0.0, 0.0, 0.0);
+        for line in &self.lines {
+            let Some(y) = posed.locate(&line.point) else { continue };
+            let vote = self.vote(line, line.normal.dot(&y.coords), self.sigma);
+            q.expected += 1;
+            weight += line.weight;
+            log_ratio += line.weight * vote.log_ratio;
+            if vote.probability > 0.5 {
+                q.inliers += 1;
+                inlier_weight += line.weight;
+                let r = vote.pull / vote.probability / self.sigma;
+                squares += line.weight * r * r;
+            }
+        }
+        if weight > 0.0 {
+            q.inlier_ratio = inlier_weight / weight;
+            q.log_ratio = log_ratio / weight;
+        }
+        if inlier_weight > 0.0 {
+            q.normalized_rms = (squares / inlier_weight).sqrt();
+        }
+        q
+    }
+}

@@ -1,0 +1,15 @@
+//! Edge modality: the contour of a model against the edges of a picture, at three levels (paper Fig. 4).
+
+mod features;
+mod memory;
+mod mixture;
+mod modality;
+mod params;
+mod site;
+mod sketch;
+
+pub use features::{EdgeFeatures, EdgeRow};
+pub use memory::ContrastMemory;
+pub use mixture::{EdgeMixture, Line, LineEdge};
+pub use modality::EdgeModality;
+pub use params::{EdgeParams, Hypotheses};

@@ -1,0 +1,303 @@
+//! The edge modality: model contour against image edges (RAPiD, Harris 1990; Drummond and Cipolla 2002).
+
+use image::GrayImage;
+use nalgebra::{DefaultAllocator, Point3, Vector2};
+use vt_core::agent::{Posed, Visibility, Warp};
+use vt_core::belief::{Gaussian, cholesky};
+use vt_core::dynamics::semidefinite_root;
+use vt_core::error::MeasureError;
+use vt_core::evidence::{Evidence, EvidenceKey};
+use vt_core::frame::SensorId;
+use vt_core::manifold::{Alloc, Manifold, Square};
+use vt_core::measurement::{Level, Measurement, Modality, NormalEquations};
+use vt_core::pose_measurement::PoseMeasurement;
+use vt_core::sketch::Mark;
+
+use super::features::{EdgeFeatures, EdgeRow};
+use super::memory::ContrastMemory;
+use super::mixture::{EdgeMixture, Line, LineEdge};
+use super::params::{EdgeParams, Hypotheses};
+use super::site::EdgeSite;
+use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
+
+/// Edge modality of one target.
+///
+/// A frame is measured in a few rounds of searching edges along the normals of the visible contour and of aligning
+/// the contour with all of them at once, at a scale that shrinks from the predicted uncertainty to the noise of
+/// localisation. What is handed out depends on the level: matched edges, or the aligned pose with its information.
+pub struct EdgeModality<P: Manifold, W: Warp<P, Body = Point3<f64>>, V>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    params: EdgeParams,
+    sensor: SensorId,
+    visibility: V,
+    /// Length by which a contour point is moved along its tangent to find the contour's direction in the image.
+    probe: f64,
+    features: EdgeFeatures<P, W>,
+    object: Option<PoseMeasurement<P>>,
+    equations: Option<NormalEquations<P>>,
+    memory: ContrastMemory,
+    found: Vec<EdgeCandidate>,
+    deviations: Vec<f64>,
+    seen: bool,
+}
+
+/// Stop aligning when the contour moves less than this on average, pixels.
+const STILL: f64 = 0.01;
+
+/// Search again when the contour moved more than this on average since the last search, pixels.
+const MOVED: f64 = 1.0;
+
+/// Weight of the prior's information in the alignment: it decides where the data are silent and nothing else.
+const TIE: f64 = 1e-3;
+
+impl<P, W, V> EdgeModality<P, W, V>
+where
+    P: Manifold,
+    W: Warp<P, Body = Point3<f64>>,
+    V: Visibility<P, Feature = EdgeSite>,
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// A modality that looks with `warp` at the contours from `visibility` in the grey pictures of `sensor`.
+    /// `diameter` is the size of the model in metres.
+    pub fn new(params: EdgeParams, sensor: SensorId, warp: W, visibility: V, diameter: f64) -> Self {
+        let clutter = params.miss_probability * params.clutter_density;
+        let mixture = EdgeMixture::new(warp, params.sigma, clutter);
+        Self {
+            params,
+            sensor,
+            visibility,
+            probe: 1e-4 * diameter,
+            features: EdgeFeatures { rows: vec![], mixture },
+            object: None,
+            equations: None,
+            memory: ContrastMemory::default(),
+            found: vec![],
+            deviations: vec![],
+            seen: false,
+        }
+    }
+
+    /// Searches edges along the normals of the contour at `pose`, whose error has the covariance `spread`. Returns
+    /// the root mean square of the predicted deviation along the normals in pixels, `None` without any line.
+    fn search(&mut self, image: &GrayImage, pose: &P, spread: &Square<P>) -> Option<f64> {
+        let mixture = &mut self.features.mixture;
+        mixture.lines.clear();
+        mixture.edges.clear();
+        let posed = mixture.warp.at(pose);
+        let mut squares = 0.0;
+        for site in self.visibility.visible(pose) {
+            let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
+            let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
+            let direction = ahead - y;
+            let length = direction.norm();
+            if !(length > 0.0) {
+                continue;
+            }
+            let normal = Vector2::new(-direction.y, direction.x) / length;
+            let j = j.tr_mul(&normal);
+            let deviation2 = (spread * &j).dot(&j).max(0.0);
+            let range = (3.0 * deviation2.sqrt()).clamp(self.params.range[0], self.params.range[1]);
+            let line = SearchLine { at: y, normal, range };
+            self.found.clear();
+            let (contrast, most) = (self.params.min_contrast, self.params.max_candidates);
+            if search(image, &line, contrast, most, &mut self.found) == Searched::Outside {
+                continue;
+            }
+            if self.params.hypotheses == Hypotheses::Single {
+                let nearest =
+                    self.found.iter().copied().min_by(|a, b| a.offset.abs().total_cmp(&b.offset.abs()));
+                self.found.clear();
+                self.found.extend(nearest);
+            }
+            let searched_at = normal.dot(&y.coords);
+            let first = mixture.edges.len() as u32;
+            mixture.edges.extend(self.found.iter().map(|c| LineEdge {
+                position: searched_at + c.offset,
+                contrast: c.contrast,
+                prior: self.memory.weight(site.edge, c.contrast),
+            }));
+            squares += deviation2;
+            mixture.lines.push(Line {
+                point: site.p_in_object,
+                normal,
+                searched_at,
+                first,
+                count: self.found.len() as u32,
+                edge: site.edge,
+                weight: 1.0,
+            });
+        }
+        let lines = mixture.lines.len();
+        (lines > 0).then(|| (squares / lines as f64).sqrt())
+    }
+
+    /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to that of the
+    /// localisation noise. `root` is a root of the prior covariance: the pose moves in its span only, and where the
+    /// data are silent not at all. Returns the root mean square motion of the contour in pixels.
+    fn align(&mut self, pose: &mut P, root: &Square<P>, mut sigma: f64) -> f64 {
+        let mixture = &self.features.mixture;
+        let equations = self.equations.get_or_insert_with(|| NormalEquations::empty(pose));
+        let mut moved = 0.0;
+        for _ in 0..self.params.iterations {
+            mixture.normal_equations(pose, sigma, equations);
+            let weight = equations.rows as f64;
+            let mut system = root.tr_mul(&(&equations.information * root));
+            for k in 0..system.nrows() {
+                system[(k, k)] += TIE;
+            }
+            let Some(factor) = cholesky(system) else { break };
+            let step = root * factor.solve(&root.tr_mul(&equations.gradient));
+            let motion2 = (&equations.information * &step).dot(&step) * sigma * sigma / weight.max(1.0);
+            let next = pose.retract(&step);
+            if !next.is_finite() {
+                break;
+            }
+            *pose = next;
+            let motion = motion2.max(0.0).sqrt();
+            moved += motion;
+            if sigma <= self.params.sigma && motion < STILL {
+                break;
+            }
+            sigma =
+                if motion < 0.1 * sigma { self.params.sigma } else { (0.5 * sigma).max(self.params.sigma) };
+        }
+        moved
+    }
+
+    /// Matches to every line its most probable edge at `pose`, estimates the scale of the residuals and remembers
+    /// the contrasts.
+    fn associate(&mut self, pose: &P) {
+        let EdgeFeatures { rows, mixture } = &mut self.features;
+        rows.clear();
+        self.deviations.clear();
+        let posed = mixture.warp.at(pose);
+        let sigma = self.params.sigma;
+        let mut running: Option<(u32, f64, f64)> = None;
+        for line in &mixture.lines {
+            let Some(y) = posed.locate(&line.point) else { continue };
+            let u = line.normal.dot(&y.coords);
+            let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
+            let edge = &mixture.edges[k];
+            if probability > 0.5 {
+                self.deviations.push((edge.position - u).abs());
+                match &mut running {
+                    Some((id, sum, n)) if *id == line.edge => {
+                        *sum += edge.contrast;
+                        *n += 1.0;
+                    }
+                    _ => {
+                        if let Some((id, sum, n)) = running {
+                            self.memory.observe(id, sum / n);
+                        }
+                        running = Some((line.edge, edge.contrast, 1.0));
+                    }
+                }
+            }
+            rows.push(EdgeRow {
+                point: line.point,
+                normal: line.normal,
+                position: edge.position,
+                variance: 1.0 / line.weight,
+                weight: probability,
+            });
+        }
+        if let Some((id, sum, n)) = running {
+            self.memory.observe(id, sum / n);
+        }
+        let scale = match self.deviations.len() {
+            0 => sigma,
+            n => {
+                let (_, median, _) = self.deviations.select_nth_unstable_by(n / 2, f64::total_cmp);
+                (1.4826 * *median).max(sigma)
+            }
+        };
+        mixture.sigma = scale;
+        for row in rows {
+            row.variance *= scale * scale;
+        }
+    }
+
+    /// The pose that fits the matched edges best, with their information.
+    fn solve(&mut self, pose: &mut P, root: &Square<P>) {
+        let equations = self.equations.get_or_insert_with(|| NormalEquations::empty(pose));
+        for _ in 0..3 {
+            self.features.normal_equations(pose, equations);
+            let mut system = root.tr_mul(&(&equations.information * root));
+            let trace = system.trace();
+            for k in 0..system.nrows() {
+                system[(k, k)] += 1e-12 * trace + f64::MIN_POSITIVE;
+            }
+            let Some(factor) = cholesky(system) else { break };
+            let next = pose.retract(&(root * factor.solve(&root.tr_mul(&equations.gradient))));
+            if !next.is_finite() {
+                break;
+            }
+            *pose = next;
+        }
+        self.features.normal_equations(pose, equations);
+    }
+}
+
+impl<P, W, V> Modality<P> for EdgeModality<P, W, V>
+where
+    P: Manifold,
+    W: Warp<P, Body = Point3<f64>>,
+    V: Visibility<P, Feature = EdgeSite>,
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn needs(&self) -> &[EvidenceKey] {
+        &[]
+    }
+
+    fn measure(
+        &mut self,
+        evidence: &Evidence,
+        prior: &Gaussian<P>,
+    ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
+        self.seen = false;
+        if !prior.is_finite() {
+            return Err(MeasureError::Prediction("the predicted pose is not finite"));
+        }
+        let image = evidence.frame(self.sensor)?.grey()?;
+        let root = semidefinite_root(&prior.covariance);
+        let mut pose = prior.mean.clone();
+        let mut spread = prior.covariance.clone();
+        for _ in 0..self.params.searches {
+            let Some(deviation) = self.search(image, &pose, &spread) else { return Ok(None) };
+            let start = deviation.clamp(self.params.sigma, 0.5 * self.params.range[1]);
+            if self.align(&mut pose, &root, start) < MOVED {
+                break;
+            }
+            // The next search starts near the contour: only the least range is needed.
+            spread.fill(0.0);
+        }
+        self.associate(&pose);
+        if self.features.rows.is_empty() {
+            return Ok(None);
+        }
+        if self.params.level == Level::Object {
+            self.solve(&mut pose, &root);
+            let quality = self.features.quality(&pose);
+            let information = self.equations.as_ref().map(|e| e.information.clone());
+            self.object = information.map(|a| PoseMeasurement::new(pose, a, quality));
+        }
+        self.seen = true;
+        Ok(self.last())
+    }
+
+    fn last(&self) -> Option<&dyn Measurement<P>> {
+        if !self.seen {
+            return None;
+        }
+        match self.params.level {
+            Level::Object => self.object.as_ref().map(|o| o as &dyn Measurement<P>),
+            _ => Some(&self.features),
+        }
+    }
+
+    fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
+        super::sketch::draw(&self.features.mixture, pose, out);
+    }
+}
