@@ -5,3 +5,6 @@ pub mod edges;
 #[cfg(feature = "loaders")]
 pub mod loaders;
 pub mod mesh;
+pub mod raster;
+#[cfg(feature = "raycast")]
+pub mod raycast;

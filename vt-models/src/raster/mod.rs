@@ -80,7 +80,13 @@ const SUBPIXEL: f64 = 16.0;
 
 impl Rasterizer {
     /// Draws a mesh; `camera_from_object` maps its vertices into the camera frame.
-    pub fn render(&mut self, mesh: &Mesh, camera: &Camera, camera_from_object: &SE3, options: &RasterOptions) {
+    pub fn render(
+        &mut self,
+        mesh: &Mesh,
+        camera: &Camera,
+        camera_from_object: &SE3,
+        options: &RasterOptions,
+    ) {
         let ideal = camera.without_lens().scaled(options.scale);
         self.ideal = Some(ideal);
         let rotation = camera_from_object.rotation.to_rotation_matrix();
@@ -165,7 +171,9 @@ impl Rasterizer {
             let first = (plane.origin + plane.dy * row as f64 + plane.dx * start as f64) as f32;
             let step = plane.dx as f32;
             for (i, (d, t)) in depth.iter_mut().zip(ids).enumerate() {
-                let w = (first + step * i as i32 as f32).max(far).min(close);
+                let w = first + step * i as i32 as f32;
+                let w = if w < far { far } else { w };
+                let w = if w > close { close } else { w };
                 let closer = w > *d;
                 *d = if closer { w } else { *d };
                 *t = if closer { id } else { *t };
