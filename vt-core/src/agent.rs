@@ -9,7 +9,7 @@ use crate::belief::Gaussian;
 use crate::error::{DeviceError, EstimateError, MeasureError};
 use crate::evidence::{Evidence, EvidenceKey};
 use crate::frame::Frame;
-use crate::manifold::{Alloc, Manifold, Square};
+use crate::manifold::{Alloc, Manifold, Square, differences};
 use crate::measurement::Measurement;
 use crate::report::{Assessment, Innovation, StepReport, Verdict};
 use crate::sketch::Mark;
@@ -117,7 +117,11 @@ where
     fn propagate(&self, state: &S, dt: Seconds) -> S;
 
     /// `F = ∂f/∂s` at `state`, between the charts at `state` and at the propagated state (Eq. 9).
-    fn jacobian(&self, state: &S, dt: Seconds) -> Square<S>;
+    /// By central differences unless overridden.
+    fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {
+        let ahead = self.propagate(state, dt);
+        differences(state.dim(), |e| ahead.local(&self.propagate(&state.retract(e), dt)))
+    }
 
     /// Covariance `Q(Δt)` of the accumulated noise in the tangent space at the propagated state.
     fn noise(&self, state: &S, dt: Seconds) -> Square<S>;

@@ -5,6 +5,10 @@ use nalgebra::{Cholesky, DefaultAllocator, Dim, DimAdd, DimSum, U1};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::math;
 
+mod accelerating;
+
+pub use accelerating::{Accelerating, Triple};
+
 /// A belief `x = mean ⊞ d`, `d ~ N(0, covariance)`: the covariance lives in the tangent space at the mean, in the
 /// tangent order of the space (SE(3): translation in metres first, then rotation in radians).
 #[derive(Clone, Debug)]

@@ -1,36 +1,26 @@
-//! Motion models for any manifold.
+//! Motion models for any manifold; the contract is [`crate::agent::Dynamics`].
+//!
+//! | model | state | noise drives | density unit |
+//! |---|---|---|---|
+//! | [`Brownian`] | pose | pose | (tangent unit)²/s |
+//! | [`ConstantVelocity`] (CWNA) | [`crate::belief::Moving`] | velocity | (tangent unit)²/s³ |
+//! | [`ConstantAcceleration`] (CWPA) | [`crate::belief::Accelerating`] | acceleration | (tangent unit)²/s⁵ |
+//! | [`Custom`] | any | any | yours |
+//!
+//! Noise is continuous and white, so that results do not depend on how time is cut into steps. Models whose noise is
+//! constant within a step (DWNA: `Q = σ² G Gᵀ`, `G = [Δ²/2, Δ]`) differ and are not these.
 
-use nalgebra::{DefaultAllocator, Dim, OMatrix};
+mod brownian;
+mod constant_acceleration;
+mod constant_velocity;
+mod custom;
+mod noise;
 
-use crate::manifold::Alloc;
+pub use brownian::Brownian;
+pub use constant_acceleration::ConstantAcceleration;
+pub use constant_velocity::ConstantVelocity;
+pub use custom::Custom;
+pub use noise::{driven_noise, semidefinite_root};
 
-/// A matrix `L` with `L Lᵀ = m` for a symmetric positive semi-definite `m`; negative eigenvalues from rounding
-/// count as zero.
-pub fn semidefinite_root<D: Dim>(m: &OMatrix<f64, D, D>) -> OMatrix<f64, D, D>
-where
-    DefaultAllocator: Alloc<D>,
-{
-    // Cholesky with zero columns for zero pivots: exact for semi-definite matrices, and lower triangular.
-    let n = m.nrows();
-    let mut l = OMatrix::zeros_generic(m.shape_generic().0, m.shape_generic().1);
-    let scale = (0..n).map(|k| m[(k, k)].abs()).fold(0.0, f64::max);
-    for c in 0..n {
-        let mut pivot = m[(c, c)];
-        for k in 0..c {
-            pivot -= l[(c, k)] * l[(c, k)];
-        }
-        if pivot <= 1e-14 * scale {
-            continue;
-        }
-        let root = pivot.sqrt();
-        l[(c, c)] = root;
-        for r in c + 1..n {
-            let mut v = m[(r, c)];
-            for k in 0..c {
-                v -= l[(r, k)] * l[(c, k)];
-            }
-            l[(r, c)] = v / root;
-        }
-    }
-    l
-}
+#[cfg(test)]
+mod tests;

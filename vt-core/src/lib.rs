@@ -13,6 +13,7 @@ pub mod measurement;
 pub mod pose_measurement;
 pub mod random;
 pub mod report;
+pub mod robust;
 pub mod sketch;
 pub mod time;
 

@@ -119,7 +119,7 @@ where
 }
 
 /// Jacobian of `f` at zero by central differences, for the defaults above.
-fn differences<D: Dim>(n: D, f: impl Fn(&OVector<f64, D>) -> OVector<f64, D>) -> OMatrix<f64, D, D>
+pub(crate) fn differences<D: Dim>(n: D, f: impl Fn(&OVector<f64, D>) -> OVector<f64, D>) -> OMatrix<f64, D, D>
 where
     DefaultAllocator: Alloc<D>,
 {

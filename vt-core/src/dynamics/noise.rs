@@ -1,0 +1,84 @@
+//! Noise of motion models: its covariance, its root, its parameters.
+
+use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector};
+
+use crate::agent::Dynamics;
+use crate::error::ConfigError;
+use crate::manifold::{Alloc, Manifold, Square};
+use crate::time::Seconds;
+
+/// A matrix `L` with `L Lᵀ = m` for a symmetric positive semi-definite `m`; negative eigenvalues from rounding
+/// count as zero.
+pub fn semidefinite_root<D: Dim>(m: &OMatrix<f64, D, D>) -> OMatrix<f64, D, D>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    // Cholesky with zero columns for zero pivots: exact for semi-definite matrices, and lower triangular. A pivot is
+    // zero against its own diagonal entry, so that coordinates of very different units do not hide each other.
+    let n = m.nrows();
+    let mut l = OMatrix::zeros_generic(m.shape_generic().0, m.shape_generic().1);
+    for c in 0..n {
+        let mut pivot = m[(c, c)];
+        for k in 0..c {
+            pivot -= l[(c, k)] * l[(c, k)];
+        }
+        if pivot <= 1e-14 * m[(c, c)].abs() {
+            continue;
+        }
+        let root = pivot.sqrt();
+        l[(c, c)] = root;
+        for r in c + 1..n {
+            let mut v = m[(r, c)];
+            for k in 0..c {
+                v -= l[(r, k)] * l[(c, k)];
+            }
+            l[(r, c)] = v / root;
+        }
+    }
+    l
+}
+
+/// `Q(Δt) = ∫ G(τ) diag(q) G(τ)ᵀ dτ` for a model driven by white noise on the last coordinates of its tangent space,
+/// `G(τ)` the last columns of its Jacobian over the time `τ` that remains after the disturbance.
+///
+/// `density` are the spectral densities `q`, one for each driven coordinate, in (tangent unit)² per second. The
+/// integral is a Gauss–Legendre rule of three points: exact where the Jacobian is a polynomial in time of degree two,
+/// as in the models here on `R^n`; positive semi-definite always. A negative `dt` gives the noise of going back,
+/// `Q(-Δ) = F(-Δ) Q(Δ) F(-Δ)ᵀ`.
+pub fn driven_noise<S: Manifold>(
+    model: &impl Dynamics<S>,
+    state: &S,
+    dt: Seconds,
+    density: &[f64],
+) -> Square<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    // Nodes ½ ± √(3/20) and ½.
+    const RULE: [(f64, f64); 3] =
+        [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+    let n = state.dim();
+    let first = n.value().saturating_sub(density.len());
+    let mut q = Square::<S>::zeros_generic(n, n);
+    for (node, weight) in RULE {
+        let before = model.propagate(state, Seconds(node * dt.0));
+        let f = model.jacobian(&before, Seconds((1.0 - node) * dt.0));
+        for (column, density) in f.column_iter().skip(first).zip(density) {
+            if *density > 0.0 {
+                q.ger(weight * dt.0.abs() * density, &column, &column, 1.0);
+            }
+        }
+    }
+    q
+}
+
+/// Spectral densities must be finite and not negative; zero locks a coordinate.
+pub(super) fn check_density<D: Dim>(density: OVector<f64, D>) -> Result<OVector<f64, D>, ConfigError>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    match density.iter().find(|q| !(q.is_finite() && **q >= 0.0)) {
+        Some(bad) => Err(ConfigError::parameter("noise density", bad, "finite numbers, zero or positive")),
+        None => Ok(density),
+    }
+}
