@@ -2,3 +2,5 @@
 pub mod association;
 pub mod kalman;
 pub mod map;
+pub mod particle;
+pub mod resampling;

@@ -8,3 +8,4 @@ pub mod mesh;
 pub mod raster;
 #[cfg(feature = "raycast")]
 pub mod raycast;
+pub mod visibility;

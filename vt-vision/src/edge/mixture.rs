@@ -71,8 +71,35 @@ pub(super) struct Vote {
     pub pull: f64,
     /// `ln P` against clutter.
     pub log_ratio: f64,
-    /// Index and probability of the most probable edge.
+    /// Index among the line's edges and probability of the most probable one.
     pub best: Option<(usize, f64)>,
+}
+
+/// The vote of a line whose edges have the given residuals and prior weights.
+#[inline]
+pub(super) fn vote(edges: impl Iterator<Item = (f64, f64)>, sigma: f64, clutter: f64) -> Vote {
+    let beta = 1.0 / (SQRT_TAU * sigma * clutter);
+    let scale = -0.5 / (sigma * sigma);
+    let (mut sum, mut pull, mut best) = (0.0, 0.0, None);
+    for (k, (r, prior)) in edges.enumerate() {
+        let exponent = r * r * scale;
+        if exponent < -30.0 {
+            continue;
+        }
+        let p = beta * prior * math::exp(exponent);
+        sum += p;
+        pull += p * r;
+        if best.is_none_or(|(_, q)| p > q) {
+            best = Some((k, p));
+        }
+    }
+    let total = 1.0 + sum;
+    Vote {
+        probability: sum / total,
+        pull: pull / total,
+        log_ratio: math::ln(total),
+        best: best.map(|(k, p)| (k, p / total)),
+    }
 }
 
 impl<P: Manifold, W: Warp<P, Body = Point3<f64>>> EdgeMixture<P, W>
@@ -84,43 +111,11 @@ where
     }
 
     /// The vote of `line` for a contour at position `u` with scale `sigma`.
+    #[inline]
     pub(super) fn vote(&self, line: &Line, u: f64, sigma: f64) -> Vote {
-        let beta = 1.0 / (SQRT_TAU * sigma * self.clutter);
-        let scale = -0.5 / (sigma * sigma);
-        let (mut sum, mut pull, mut best) = (0.0, 0.0, None);
         let first = line.first as usize;
-        for (k, edge) in self.edges[first..first + line.count as usize].iter().enumerate() {
-            let r = edge.position - u;
-            let exponent = r * r * scale;
-            if exponent < -30.0 {
-                continue;
-            }
-            let p = beta * edge.prior * math::exp(exponent);
-            sum += p;
-            pull += p * r;
-            if best.is_none_or(|(_, q)| p > q) {
-                best = Some((first + k, p));
-            }
-        }
-        let total = 1.0 + sum;
-        Vote {
-            probability: sum / total,
-            pull: pull / total,
-            log_ratio: math::ln(total),
-            best: best.map(|(k, p)| (k, p / total)),
-        }
-    }
-
-    /// Log-likelihood of one pose.
-    pub(super) fn log_likelihood(&self, pose: &P) -> f64 {
-        let posed = self.warp.at(pose);
-        let mut sum = 0.0;
-        for line in &self.lines {
-            if let Some(y) = posed.locate(&line.point) {
-                sum += line.weight * self.vote(line, line.normal.dot(&y.coords), self.sigma).log_ratio;
-            }
-        }
-        sum
+        let edges = &self.edges[first..first + line.count as usize];
+        vote(edges.iter().map(|e| (e.position - u, e.prior)), sigma, self.clutter)
     }
 
     /// Gradient and Gauss–Newton matrix of the negative log-likelihood with scale `sigma`.

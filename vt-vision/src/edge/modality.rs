@@ -179,7 +179,7 @@ where
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
             let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
-            let edge = &mixture.edges[k];
+            let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
                 self.deviations.push((edge.position - u).abs());
                 match &mut running {

@@ -31,7 +31,7 @@ pub(super) fn draw<P: Manifold, W: Warp<P, Body = Point3<f64>>>(
         let u = line.normal.dot(&y.coords);
         match mixture.vote(line, u, mixture.sigma).best {
             Some((k, p)) => {
-                let m = y + line.normal * (mixture.edges[k].position - u);
+                let m = y + line.normal * (mixture.edges[line.first as usize + k].position - u);
                 let role = if p > 0.5 { Role::Inlier } else { Role::Outlier };
                 out.push(Mark::Segment { from: y.into(), to: m.into(), role });
                 out.push(Mark::Point { at: m.into(), role });
