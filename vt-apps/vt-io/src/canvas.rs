@@ -13,7 +13,9 @@ pub struct Canvas {
 impl Canvas {
     /// A copy of a grey picture.
     pub fn of_grey(picture: &GrayImage) -> Self {
-        let copy = RgbImage::from_fn(picture.width(), picture.height(), |x, y| Rgb([picture.get_pixel(x, y).0[0]; 3]));
+        let copy = RgbImage::from_fn(picture.width(), picture.height(), |x, y| {
+            Rgb([picture.get_pixel(x, y).0[0]; 3])
+        });
         Self { picture: copy }
     }
 
@@ -51,7 +53,8 @@ impl Canvas {
             for n in (middle - across).floor() as i64..=(middle + across).ceil() as i64 {
                 let p = if major == 0 { [m as f64, n as f64] } else { [n as f64, m as f64] };
                 let v = [p[0] - a[0], p[1] - a[1]];
-                let s = if length2 > 0.0 { ((v[0] * d[0] + v[1] * d[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
+                let s =
+                    if length2 > 0.0 { ((v[0] * d[0] + v[1] * d[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
                 let e = [v[0] - s * d[0], v[1] - s * d[1]];
                 let distance = (e[0] * e[0] + e[1] * e[1]).sqrt();
                 self.blend(p[0] as i64, p[1] as i64, colour, opacity * (reach - distance));

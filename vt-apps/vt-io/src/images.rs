@@ -103,7 +103,10 @@ impl ImageSequence {
             .map_err(|e| fail(format!("{e}; expected a PNG, JPEG or PNM picture")))?;
         let found = [picture.width(), picture.height()];
         if let Some(size) = self.size.filter(|s| *s != found) {
-            let why = format!("{}x{} pixels; expected {}x{} as the camera says", found[0], found[1], size[0], size[1]);
+            let why = format!(
+                "{}x{} pixels; expected {}x{} as the camera says",
+                found[0], found[1], size[0], size[1]
+            );
             return Err(fail(why));
         }
         Ok(match self.conversion {
@@ -134,13 +137,20 @@ fn split(pattern: &str) -> Option<(&str, usize, &str)> {
     (!suffix.contains('%')).then_some((prefix, width, suffix))
 }
 
-fn numbered(pattern: &Path, first: u64, last: Option<u64>, step: u64) -> Result<Vec<(PathBuf, u64)>, DeviceError> {
+fn numbered(
+    pattern: &Path,
+    first: u64,
+    last: Option<u64>,
+    step: u64,
+) -> Result<Vec<(PathBuf, u64)>, DeviceError> {
     let fail = |why: String| DeviceError::new(pattern.display(), why);
     let text = pattern.to_string_lossy();
-    let (prefix, width, suffix) =
-        split(&text).ok_or_else(|| fail("no pattern; expected one `%d` or `%0Nd`, as in `Image_%04d.pgm`".into()))?;
+    let (prefix, width, suffix) = split(&text)
+        .ok_or_else(|| fail("no pattern; expected one `%d` or `%0Nd`, as in `Image_%04d.pgm`".into()))?;
     if step == 0 || last.is_some_and(|l| l < first) {
-        return Err(fail(format!("first {first}, last {last:?}, step {step}; expected first <= last and a step from 1")));
+        return Err(fail(format!(
+            "first {first}, last {last:?}, step {step}; expected first <= last and a step from 1"
+        )));
     }
     let path = |n: u64| PathBuf::from(format!("{prefix}{n:0width$}{suffix}"));
     let mut out = vec![];
@@ -151,7 +161,10 @@ fn numbered(pattern: &Path, first: u64, last: Option<u64>, step: u64) -> Result<
             if last.is_none() && !out.is_empty() {
                 break;
             }
-            return Err(DeviceError::new(file.display(), format!("no such file; expected frame {n} of the sequence")));
+            return Err(DeviceError::new(
+                file.display(),
+                format!("no such file; expected frame {n} of the sequence"),
+            ));
         }
         out.push((file, n));
         n += step;
@@ -175,8 +188,14 @@ fn listed(folder: &Path) -> Result<Vec<(PathBuf, u64)>, DeviceError> {
         return Err(fail(format!("no pictures; expected files ending in {}", EXTENSIONS.join(", "))));
     }
     names.sort();
-    let number = |parts: &[Piece]| parts.iter().rev().find_map(|p| if let Piece::Number(n) = p { Some(*n) } else { None });
-    Ok(names.into_iter().enumerate().map(|(k, (parts, path))| (path, number(&parts).unwrap_or(k as u64))).collect())
+    let number = |parts: &[Piece]| {
+        parts.iter().rev().find_map(|p| if let Piece::Number(n) = p { Some(*n) } else { None })
+    };
+    Ok(names
+        .into_iter()
+        .enumerate()
+        .map(|(k, (parts, path))| (path, number(&parts).unwrap_or(k as u64)))
+        .collect())
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -201,7 +220,9 @@ fn natural(name: &str) -> Vec<Piece> {
 
 fn moments(files: &[(PathBuf, u64)], times: &Times) -> Result<Vec<Timestamp>, DeviceError> {
     let path = match times {
-        Times::Rate(rate) => return Ok((0..files.len()).map(|k| Timestamp::from_seconds(k as f64 / rate)).collect()),
+        Times::Rate(rate) => {
+            return Ok((0..files.len()).map(|k| Timestamp::from_seconds(k as f64 / rate)).collect());
+        }
         Times::File(path) => path,
     };
     let read = crate::timestamps::read(path)?;
@@ -212,10 +233,15 @@ fn moments(files: &[(PathBuf, u64)], times: &Times) -> Result<Vec<Timestamp>, De
         (read.len() >= files.len()).then(|| read.iter().take(files.len()).map(|r| r.1).collect())
     };
     let found = found.ok_or_else(|| {
-        DeviceError::new(path.display(), format!("{} times; expected one for each of {} frames", read.len(), files.len()))
+        DeviceError::new(
+            path.display(),
+            format!("{} times; expected one for each of {} frames", read.len(), files.len()),
+        )
     })?;
     match found.windows(2).position(|w| w[1] <= w[0]) {
-        Some(k) => Err(DeviceError::new(path.display(), format!("time {} is not after the one before", k + 2))),
+        Some(k) => {
+            Err(DeviceError::new(path.display(), format!("time {} is not after the one before", k + 2)))
+        }
         None => Ok(found),
     }
 }
@@ -227,7 +253,9 @@ mod tests {
     fn folder(names: &[&str]) -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
         for (k, name) in names.iter().enumerate() {
-            image::RgbImage::from_pixel(4, 3, image::Rgb([k as u8, 0, 0])).save(dir.path().join(name)).unwrap();
+            image::RgbImage::from_pixel(4, 3, image::Rgb([k as u8, 0, 0]))
+                .save(dir.path().join(name))
+                .unwrap();
         }
         dir
     }
@@ -251,7 +279,8 @@ mod tests {
     #[test]
     fn ping_pong_keeps_numbers_and_time_goes_on() {
         let dir = folder(&["f_01.png", "f_03.png", "f_05.png"]);
-        let files = Files::Pattern { pattern: dir.path().join("f_%02d.png"), first: 1, last: Some(5), step: 2 };
+        let files =
+            Files::Pattern { pattern: dir.path().join("f_%02d.png"), first: 1, last: Some(5), step: 2 };
         let mut s = open(files, Order::PingPong, Times::Rate(1.0)).unwrap();
         let s9 = 1_000_000_000;
         assert_eq!(numbers(&mut s), [(1, 0), (3, s9), (5, 2 * s9), (3, 3 * s9), (1, 4 * s9)]);
@@ -263,12 +292,14 @@ mod tests {
         let file = dir.path().join("times.txt");
         for text in ["# s\n0.5\n2\n", "2 2.0\n1 0.5\n"] {
             std::fs::write(&file, text).unwrap();
-            let mut s = open(Files::Folder(dir.path().into()), Order::Forward, Times::File(file.clone())).unwrap();
+            let mut s =
+                open(Files::Folder(dir.path().into()), Order::Forward, Times::File(file.clone())).unwrap();
             assert_eq!(numbers(&mut s), [(1, 500_000_000), (2, 2_000_000_000)]);
         }
         for (text, word) in [("1\n", "2 frames"), ("1\nx\n", "line 2"), ("2\n1\n", "not after")] {
             std::fs::write(&file, text).unwrap();
-            let e = open(Files::Folder(dir.path().into()), Order::Forward, Times::File(file.clone())).unwrap_err();
+            let e = open(Files::Folder(dir.path().into()), Order::Forward, Times::File(file.clone()))
+                .unwrap_err();
             assert!(e.to_string().contains(word) && e.to_string().contains("times.txt"), "{e}");
         }
     }
@@ -279,16 +310,28 @@ mod tests {
         let pattern = |p: &str, last| Files::Pattern { pattern: dir.path().join(p), first: 1, last, step: 1 };
         let e = open(pattern("f%d.png", Some(2)), Order::Forward, Times::Rate(1.0)).unwrap_err();
         assert!(e.what.ends_with("f2.png"), "{e}");
-        assert!(open(pattern("f.png", None), Order::Forward, Times::Rate(1.0)).unwrap_err().why.contains("%d"));
-        assert_eq!(open(pattern("f%d.png", None), Order::Forward, Times::Rate(1.0)).unwrap().remaining(), Some(1));
+        assert!(
+            open(pattern("f.png", None), Order::Forward, Times::Rate(1.0)).unwrap_err().why.contains("%d")
+        );
+        assert_eq!(
+            open(pattern("f%d.png", None), Order::Forward, Times::Rate(1.0)).unwrap().remaining(),
+            Some(1)
+        );
         std::fs::write(dir.path().join("f2.png"), "no picture").unwrap();
         let mut s = open(pattern("f%d.png", None), Order::Forward, Times::Rate(1.0)).unwrap();
         s.next().unwrap();
         assert!(s.next().unwrap_err().what.ends_with("f2.png"));
         let files = pattern("f%d.png", Some(1));
         let size = Some([8, 3]);
-        let mut s =
-            ImageSequence::open(SensorId(0), &files, Order::Forward, &Times::Rate(1.0), Conversion::Rgb, size).unwrap();
+        let mut s = ImageSequence::open(
+            SensorId(0),
+            &files,
+            Order::Forward,
+            &Times::Rate(1.0),
+            Conversion::Rgb,
+            size,
+        )
+        .unwrap();
         assert!(s.next().unwrap_err().why.contains("expected 8x3"));
     }
 }

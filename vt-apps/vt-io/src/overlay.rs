@@ -162,7 +162,8 @@ fn headline(canvas: &mut Canvas, row: i64, report: &StepReport) {
     let width = i64::from(canvas.picture.width());
     canvas.bar(0, 12 * row, width, 12, [0; 3], 0.65);
     let x = canvas.text(4, 12 * row + 2, &format!("{}  frame {}  ", report.target, report.frame), [235; 3]);
-    let state = format!("{}{}", report.verdict.status.name(), if report.reinitialized { " (again)" } else { "" });
+    let state =
+        format!("{}{}", report.verdict.status.name(), if report.reinitialized { " (again)" } else { "" });
     let x = canvas.text(x, 12 * row + 2, &state, colour);
     let mut rest = format!("  loss {:.2}", report.verdict.loss_probability);
     if let Some(q) = report.assessment.quality {

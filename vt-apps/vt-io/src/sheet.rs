@@ -38,7 +38,8 @@ impl Sheet {
                 return;
             }
         }
-        let height = (u64::from(picture.height()) * u64::from(WIDTH)).div_ceil(u64::from(picture.width())) as u32;
+        let height =
+            (u64::from(picture.height()) * u64::from(WIDTH)).div_ceil(u64::from(picture.width())) as u32;
         self.pictures.push(imageops::resize(picture, WIDTH, height, FilterType::Triangle));
     }
 
@@ -74,7 +75,8 @@ mod tests {
             }
             assert!((1..=MOST).contains(&sheet.pictures.len()));
             assert!(length < 13 || sheet.pictures.len() >= 13);
-            let expected: Vec<u8> = (0..length).step_by(sheet.stride as usize).map(|k| (k / 4) as u8).collect();
+            let expected: Vec<u8> =
+                (0..length).step_by(sheet.stride as usize).map(|k| (k / 4) as u8).collect();
             assert_eq!(sheet.pictures.iter().map(|p| p.get_pixel(0, 0).0[0]).collect::<Vec<_>>(), expected);
             assert!(sheet.compose().is_some());
         }

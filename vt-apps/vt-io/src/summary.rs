@@ -106,7 +106,8 @@ impl TargetSummary {
         let t = &report.timings;
         self.seconds.push((t.predict + t.measure + t.correct + t.assess + t.reinitialize) as f64 * 1e-9);
         let truth = self.truth.as_ref().and_then(|t| t.0.get(&report.frame));
-        if let (Some(truth), Some(pose), true) = (truth, pose(report), report.verdict.status != Status::Lost) {
+        if let (Some(truth), Some(pose), true) = (truth, pose(report), report.verdict.status != Status::Lost)
+        {
             self.translation_errors.push((truth.translation - pose.translation).norm());
             self.rotation_errors.push(truth.rotation.angle_to(&pose.rotation));
         }

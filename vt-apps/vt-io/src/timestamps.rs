@@ -18,7 +18,8 @@ pub fn read(path: &Path) -> Result<Vec<(Option<u64>, Timestamp)>, DeviceError> {
             let why = format!("line {}: found `{found}`; expected `seconds` or `frame seconds`", k + 1);
             DeviceError::new(path.display(), why)
         };
-        let seconds = |word: &str| word.parse::<f64>().ok().filter(|s| s.is_finite()).ok_or_else(|| fail(word));
+        let seconds =
+            |word: &str| word.parse::<f64>().ok().filter(|s| s.is_finite()).ok_or_else(|| fail(word));
         match words[..] {
             [] => {}
             [s] => out.push((None, Timestamp::from_seconds(seconds(s)?))),

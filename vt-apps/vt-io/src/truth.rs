@@ -77,7 +77,9 @@ pub fn read_pose(path: &Path) -> Result<SE3, DeviceError> {
             return Err(DeviceError::new(path.display(), why));
         }
     };
-    pose.ok_or_else(|| DeviceError::new(path.display(), "no rotation; expected a unit quaternion or a rotation matrix"))
+    pose.ok_or_else(|| {
+        DeviceError::new(path.display(), "no rotation; expected a unit quaternion or a rotation matrix")
+    })
 }
 
 fn from_quaternion(v: &[f64]) -> Option<SE3> {

@@ -94,7 +94,8 @@ impl Checker<'_> {
         ] {
             let (_, names) = self.known(to);
             if names.is_empty() {
-                let problem = Problem::Value { found: format!("no {list}"), expected: format!("at least one {what}") };
+                let problem =
+                    Problem::Value { found: format!("no {list}"), expected: format!("at least one {what}") };
                 self.add(list, problem);
             }
             for (k, name) in names.iter().enumerate() {
@@ -163,7 +164,10 @@ impl Checker<'_> {
             let estimator = self.choice(&format!("{path}.estimator"), "estimator", "estimator", space);
             if target.modalities.is_empty() {
                 let expected = "at least one modality".into();
-                self.add(&format!("{path}.modalities"), Problem::Value { found: "no modality".into(), expected });
+                self.add(
+                    &format!("{path}.modalities"),
+                    Problem::Value { found: "no modality".into(), expected },
+                );
             }
             for (m, modality) in target.modalities.iter().enumerate() {
                 let at = format!("{path}.modalities.{m}");
@@ -206,8 +210,15 @@ impl Checker<'_> {
         }
         let word = |p: Picture| if p == Picture::Grey { "grey" } else { "colour" };
         if let Some(needs) = modality.capabilities.picture.filter(|p| *p != sensor.picture) {
-            let found = format!("{} sensor `{}` for modality `{}`", word(sensor.picture), sensor.name, modality.kind);
-            self.add(&path, Problem::Mismatch { found, expected: format!("a sensor with `picture = \"{}\"`", word(needs)) });
+            let found =
+                format!("{} sensor `{}` for modality `{}`", word(sensor.picture), sensor.name, modality.kind);
+            self.add(
+                &path,
+                Problem::Mismatch {
+                    found,
+                    expected: format!("a sensor with `picture = \"{}\"`", word(needs)),
+                },
+            );
         }
     }
 

@@ -53,8 +53,7 @@ impl Document {
             TaskError::new(Problem::Syntax(e.message().to_owned()), &sources, span)
         })?;
         let table = DeValue::Table(root.into_inner());
-        let mut document =
-            Self { root: Node::new(0..0, &table, 0), sources: vec![], base: base.to_owned() };
+        let mut document = Self { root: Node::new(0..0, &table, 0), sources: vec![], base: base.to_owned() };
         sources.extend(set.iter().map(|s| (format!("--set {s}"), s.clone())));
         document.sources = sources;
         for (k, argument) in set.iter().enumerate() {
@@ -180,7 +179,11 @@ impl Document {
                     &mut list[index]
                 }
                 _ => {
-                    return Err(fail(&format!("`{}` is a value, not a table", keys[..k].join(".")), key, vec![]));
+                    return Err(fail(
+                        &format!("`{}` is a value, not a table", keys[..k].join(".")),
+                        key,
+                        vec![],
+                    ));
                 }
             };
         }
@@ -231,7 +234,12 @@ fn expand(node: &mut Node, variables: &Variables, environment: Environment<'_>) 
 }
 
 /// `${NAME}` is the value of a variable, `$${` a dollar sign with a brace.
-fn filled(text: &str, variables: &Variables, environment: Environment<'_>, depth: usize) -> Result<String, Problem> {
+fn filled(
+    text: &str,
+    variables: &Variables,
+    environment: Environment<'_>,
+    depth: usize,
+) -> Result<String, Problem> {
     let mut out = String::new();
     let mut rest = text;
     while let Some(at) = rest.find('$') {

@@ -69,7 +69,9 @@ pub enum Problem {
         expected: String,
     },
     /// A variable without value.
-    #[error("variable `{name}` has no value: not given by --set variables.{name}=…, in [variables] or in the environment")]
+    #[error(
+        "variable `{name}` has no value: not given by --set variables.{name}=…, in [variables] or in the environment"
+    )]
     Variable {
         /// Its name.
         name: String,
@@ -152,9 +154,13 @@ impl Problem {
             Self::UnknownWord { expected, .. } => list("one of", expected),
             Self::Value { expected, .. } | Self::Mismatch { expected, .. } => format!("expected {expected}"),
             Self::Variable { name, .. } => format!("expected a value of `{name}`, as in `{name}=… vt run …`"),
-            Self::UnknownName { what, known, .. } => list(&format!("the name of a {what} of this task"), known),
+            Self::UnknownName { what, known, .. } => {
+                list(&format!("the name of a {what} of this task"), known)
+            }
             Self::Duplicate { what, .. } => format!("expected another name for this {what}"),
-            Self::MissingFile { .. } => "expected an existing file; paths are relative to the task file".into(),
+            Self::MissingFile { .. } => {
+                "expected an existing file; paths are relative to the task file".into()
+            }
             Self::Override { known, .. } if known.is_empty() => "expected KEY=VALUE with a dotted key".into(),
             Self::Override { known, .. } => list("one of", known),
         })

@@ -26,7 +26,12 @@ pub fn explain(task: &Task, registry: &Registry) -> String {
         sheet.pipeline(task, target);
         sheet.text.push('\n');
     }
-    let _ = writeln!(sheet.text, "Seed {}. Outputs: {}.", task.seed, list(task.outputs.iter().map(|o| o.kind.as_str())));
+    let _ = writeln!(
+        sheet.text,
+        "Seed {}. Outputs: {}.",
+        task.seed,
+        list(task.outputs.iter().map(|o| o.kind.as_str()))
+    );
     sheet.text
 }
 
@@ -72,9 +77,10 @@ impl Sheet<'_> {
         let (warp, dynamics) = (self.choice("warp", &model.warp), self.choice("dynamics", &model.dynamics));
         self.row("Warp", &warp);
         let listings = self.registry.listings();
-        let space = listings.iter().find(|l| l.key == "warp" && l.kind == model.warp.kind).map_or("", |l| {
-            l.spaces.first().copied().unwrap_or("")
-        });
+        let space = listings
+            .iter()
+            .find(|l| l.key == "warp" && l.kind == model.warp.kind)
+            .map_or("", |l| l.spaces.first().copied().unwrap_or(""));
         self.row("State", &format!("pose in {space}, with the derivatives of `{}`", model.dynamics.kind));
         self.row("Dynamics", &dynamics);
     }
@@ -88,9 +94,13 @@ impl Sheet<'_> {
         }
         for m in &target.modalities {
             let method = self.method("modality", &m.kind, &m.params);
-            self.row("Processing & measurement", &format!("{} level, on `{}`\n{method}", m.level.name(), m.sensor));
+            self.row(
+                "Processing & measurement",
+                &format!("{} level, on `{}`\n{method}", m.level.name(), m.sensor),
+            );
         }
-        let absent = if target.modalities.len() > 1 { "static: stacked measurements" } else { "of the one modality" };
+        let absent =
+            if target.modalities.len() > 1 { "static: stacked measurements" } else { "of the one modality" };
         let likelihood = self.optional("fusion", target.fusion.as_ref(), absent);
         self.row("Likelihood", &likelihood);
         let rows = [
@@ -122,7 +132,10 @@ fn brief(value: &Value) -> String {
     match value {
         Value::Array(a) => format!("[{}]", a.iter().map(brief).collect::<Vec<_>>().join(", ")),
         Value::Table(t) => {
-            format!("{{ {} }}", t.iter().map(|(k, v)| format!("{k} = {}", brief(v))).collect::<Vec<_>>().join(", "))
+            format!(
+                "{{ {} }}",
+                t.iter().map(|(k, v)| format!("{k} = {}", brief(v))).collect::<Vec<_>>().join(", ")
+            )
         }
         Value::String(s) => s.clone(),
         v => v.to_string(),

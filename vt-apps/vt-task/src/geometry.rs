@@ -40,13 +40,23 @@ impl PoseText {
                 let q = Quaternion::new(w, x, y, z);
                 if (q.norm() - 1.0).abs() > 1e-3 {
                     let expected = "a quaternion x y z w of length 1";
-                    return Err(ConfigError::parameter("quaternion", format!("of length {}", q.norm()), expected));
+                    return Err(ConfigError::parameter(
+                        "quaternion",
+                        format!("of length {}", q.norm()),
+                        expected,
+                    ));
                 }
                 UnitQuaternion::from_quaternion(q)
             }
-            (None, None, Some(rows)) => rotation_of(&Matrix3::from_fn(|r, c| rows[r][c])).ok_or_else(|| {
-                ConfigError::parameter("matrix", "not orthonormal", "a rotation matrix by rows, determinant +1")
-            })?,
+            (None, None, Some(rows)) => {
+                rotation_of(&Matrix3::from_fn(|r, c| rows[r][c])).ok_or_else(|| {
+                    ConfigError::parameter(
+                        "matrix",
+                        "not orthonormal",
+                        "a rotation matrix by rows, determinant +1",
+                    )
+                })?
+            }
             _ => {
                 let expected = "one of `rotation`, `quaternion` and `matrix`";
                 return Err(ConfigError::parameter("rotation", "given more than once", expected));
@@ -92,7 +102,11 @@ impl CameraSection {
             return Err(ConfigError::parameter("size", found, "columns and rows from 1 to 32768"));
         }
         if self.focal.iter().any(|f| f.si() <= 0.0) {
-            return Err(ConfigError::parameter("focal", format!("{:?}", self.focal), "positive focal lengths"));
+            return Err(ConfigError::parameter(
+                "focal",
+                format!("{:?}", self.focal),
+                "positive focal lengths",
+            ));
         }
         Ok(())
     }

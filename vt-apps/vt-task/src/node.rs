@@ -119,6 +119,8 @@ impl Node {
 
 /// Index of the element of a list that is meant by a number or by a `name`.
 pub(crate) fn element(list: &[Node], key: &str) -> Option<usize> {
-    let named = list.iter().position(|n| matches!(&n.value, Value::Table(_)) && n.get("name").and_then(Node::text) == Some(key));
+    let named = list
+        .iter()
+        .position(|n| matches!(&n.value, Value::Table(_)) && n.get("name").and_then(Node::text) == Some(key));
     named.or_else(|| key.parse().ok().filter(|&k: &usize| k < list.len()))
 }

@@ -250,7 +250,8 @@ mod tests {
     #[test]
     fn text_comes_back_as_written() {
         for text in ["20 mm", "0.1 m", "-3.5 deg"] {
-            let shown = Length::parse(text).map(|q| q.to_string()).or(Angle::parse(text).map(|q| q.to_string()));
+            let shown =
+                Length::parse(text).map(|q| q.to_string()).or(Angle::parse(text).map(|q| q.to_string()));
             assert_eq!(shown.unwrap(), text);
         }
     }

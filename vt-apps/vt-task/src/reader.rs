@@ -4,8 +4,8 @@ use core::fmt::Display;
 
 use serde::de::value::StrDeserializer;
 use serde::de::{
-    Deserialize, DeserializeSeed, Deserializer, EnumAccess, Error, Expected, IntoDeserializer, MapAccess, SeqAccess,
-    Unexpected, VariantAccess, Visitor,
+    Deserialize, DeserializeSeed, Deserializer, EnumAccess, Error, Expected, IntoDeserializer, MapAccess,
+    SeqAccess, Unexpected, VariantAccess, Visitor,
 };
 use serde::forward_to_deserialize_any;
 
@@ -100,7 +100,9 @@ impl<'de> Deserializer<'de> for &'de Node {
                 let value = visitor.visit_seq(&mut rest).map_err(|e| e.or_at(self.span))?;
                 match rest.0.len() {
                     0 => Ok(value),
-                    n => Err(ReadError::invalid_length(a.len(), &format!("{} elements", a.len() - n).as_str())),
+                    n => {
+                        Err(ReadError::invalid_length(a.len(), &format!("{} elements", a.len() - n).as_str()))
+                    }
                 }
             }
             Value::Table(t) => visitor.visit_map(Entries(t.iter(), None)),
@@ -112,7 +114,11 @@ impl<'de> Deserializer<'de> for &'de Node {
         visitor.visit_some(self)
     }
 
-    fn deserialize_newtype_struct<V: Visitor<'de>>(self, _: &'static str, v: V) -> Result<V::Value, ReadError> {
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        v: V,
+    ) -> Result<V::Value, ReadError> {
         v.visit_newtype_struct(self)
     }
 
@@ -194,7 +200,11 @@ impl<'de> VariantAccess<'de> for Word<'de> {
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, _: V) -> Result<V::Value, ReadError> {
         Err(ReadError::invalid_type(Unexpected::Str(self.0), &"a table with this word as its only key"))
     }
-    fn struct_variant<V: Visitor<'de>>(self, _: &'static [&'static str], _: V) -> Result<V::Value, ReadError> {
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        _: &'static [&'static str],
+        _: V,
+    ) -> Result<V::Value, ReadError> {
         Err(ReadError::invalid_type(Unexpected::Str(self.0), &"a table with this word as its only key"))
     }
 }
@@ -221,7 +231,11 @@ impl<'de> VariantAccess<'de> for &'de Node {
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, ReadError> {
         self.deserialize_any(visitor)
     }
-    fn struct_variant<V: Visitor<'de>>(self, _: &'static [&'static str], visitor: V) -> Result<V::Value, ReadError> {
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
         self.deserialize_any(visitor)
     }
 }

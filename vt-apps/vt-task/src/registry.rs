@@ -213,7 +213,10 @@ pub(crate) fn located(e: ConfigError, node: &Node) -> ReadError {
         ConfigError::Mismatch { found, expected } => {
             ReadError::at(Problem::Mismatch { found, expected }, node.span)
         }
-        e => ReadError::at(Problem::Mismatch { found: e.to_string(), expected: "parts that fit".into() }, node.span),
+        e => ReadError::at(
+            Problem::Mismatch { found: e.to_string(), expected: "parts that fit".into() },
+            node.span,
+        ),
     }
 }
 
@@ -253,8 +256,7 @@ impl Registry {
     /// ```
     #[must_use]
     pub fn with<R: Role>(mut self, method: Method<R>) -> Self {
-        let row =
-            Row { listing: method.listing.clone(), check: method.check.clone(), schema: method.schema };
+        let row = Row { listing: method.listing.clone(), check: method.check.clone(), schema: method.schema };
         let same = |l: &Listing| {
             (l.role, &l.kind, &l.spaces) == (row.listing.role, &row.listing.kind, &row.listing.spaces)
         };
@@ -262,7 +264,8 @@ impl Registry {
             Some(k) => self.rows[k] = row,
             None => self.rows.push(row),
         }
-        let table = self.methods.entry(TypeId::of::<R>()).or_insert_with(|| Box::new(Vec::<Method<R>>::new()));
+        let table =
+            self.methods.entry(TypeId::of::<R>()).or_insert_with(|| Box::new(Vec::<Method<R>>::new()));
         if let Some(table) = table.downcast_mut::<Vec<Method<R>>>() {
             table.retain(|m| m.listing.kind != method.listing.kind);
             table.push(method);
@@ -297,7 +300,9 @@ impl Registry {
         for row in &self.rows {
             let l = &row.listing;
             match out.iter_mut().find(|o| o.role == l.role && o.kind == l.kind) {
-                Some(o) => o.spaces.extend(l.spaces.iter().filter(|s| !o.spaces.contains(s)).collect::<Vec<_>>()),
+                Some(o) => {
+                    o.spaces.extend(l.spaces.iter().filter(|s| !o.spaces.contains(s)).collect::<Vec<_>>())
+                }
                 None => out.push(l.clone()),
             }
         }
@@ -320,7 +325,8 @@ impl Registry {
         let rows: Vec<&Row> =
             self.rows.iter().filter(|r| r.listing.key == key && r.listing.kind == kind).collect();
         let Some(first) = rows.first() else { return Err(self.unknown(key, role, node)) };
-        let fits = |r: &&&Row| space.is_none_or(|s| r.listing.spaces.is_empty() || r.listing.spaces.contains(&s));
+        let fits =
+            |r: &&&Row| space.is_none_or(|s| r.listing.spaces.is_empty() || r.listing.spaces.contains(&s));
         let Some(row) = rows.iter().find(fits) else {
             let has: Vec<_> = rows.iter().flat_map(|r| r.listing.spaces.iter().copied()).collect();
             let problem = Problem::Mismatch {
@@ -332,7 +338,8 @@ impl Registry {
         let none = Node::empty(node.span);
         let params = node.get("params").unwrap_or(&none);
         if !matches!(params.value, Value::Table(_)) {
-            let problem = Problem::Value { found: "no table".into(), expected: "a table of parameters".into() };
+            let problem =
+                Problem::Value { found: "no table".into(), expected: "a table of parameters".into() };
             return Err(ReadError::at(problem, params.span));
         }
         let checked = (row.check)(params)?;

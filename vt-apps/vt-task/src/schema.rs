@@ -26,8 +26,12 @@ pub fn schema(registry: &Registry) -> Value {
                 })
             })
             .collect();
-        defs.insert(format!("role-{key}"), if variants.is_empty() { json!(false) } else { json!({ "oneOf": variants }) });
-        let kinds: Vec<Value> = methods.iter().map(|(l, _)| json!({ "const": l.kind, "description": l.about })).collect();
+        defs.insert(
+            format!("role-{key}"),
+            if variants.is_empty() { json!(false) } else { json!({ "oneOf": variants }) },
+        );
+        let kinds: Vec<Value> =
+            methods.iter().map(|(l, _)| json!({ "const": l.kind, "description": l.about })).collect();
         let rules: Vec<Value> = methods
             .iter()
             .map(|(l, params)| {
@@ -37,8 +41,14 @@ pub fn schema(registry: &Registry) -> Value {
                 })
             })
             .collect();
-        defs.insert(format!("kinds-{key}"), if kinds.is_empty() { json!(false) } else { json!({ "oneOf": kinds }) });
-        defs.insert(format!("rules-{key}"), if rules.is_empty() { json!(true) } else { json!({ "allOf": rules }) });
+        defs.insert(
+            format!("kinds-{key}"),
+            if kinds.is_empty() { json!(false) } else { json!({ "oneOf": kinds }) },
+        );
+        defs.insert(
+            format!("rules-{key}"),
+            if rules.is_empty() { json!(true) } else { json!({ "allOf": rules }) },
+        );
     }
     let mut root = generator.root_schema_for::<Task>().to_value();
     if let Some(own) = root.get_mut("$defs").and_then(Value::as_object_mut) {
@@ -54,8 +64,20 @@ pub fn schema(registry: &Registry) -> Value {
 }
 
 const ROLES: [&str; 14] = [
-    "sensor", "shape", "appearance", "warp", "dynamics", "init", "truth", "modality", "fusion", "estimator", "loss",
-    "reinit", "association", "output",
+    "sensor",
+    "shape",
+    "appearance",
+    "warp",
+    "dynamics",
+    "init",
+    "truth",
+    "modality",
+    "fusion",
+    "estimator",
+    "loss",
+    "reinit",
+    "association",
+    "output",
 ];
 
 /// Schema of the key `version`.

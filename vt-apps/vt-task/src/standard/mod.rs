@@ -9,13 +9,19 @@ pub mod truth;
 use vt_core::error::ConfigError;
 
 use crate::registry::{Method, NoParams, Registry};
-use crate::roles::{Appearances, Association, AssociationProduct, AppearanceProduct, Outputs, Place, Sensors, Shapes, Truths};
+use crate::roles::{
+    AppearanceProduct, Appearances, Association, AssociationProduct, Outputs, Place, Sensors, Shapes, Truths,
+};
 
 impl Registry {
     /// All methods of this project.
     pub fn standard() -> Self {
         Self::empty()
-            .with(Method::<Sensors>::new("images", "pictures of a folder or by a numbered pattern", sensor::images))
+            .with(Method::<Sensors>::new(
+                "images",
+                "pictures of a folder or by a numbered pattern",
+                sensor::images,
+            ))
             .with(Method::<Shapes>::new("mesh", "parts from VRML 97, OBJ or CAO files", shape::mesh))
             .with(Method::<Appearances>::new("unknown", "nothing is known of the surface", unknown))
             .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
@@ -23,10 +29,18 @@ impl Registry {
             .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
             .with(Method::<Association>::new("one-to-one", "each target measures for itself", one_to_one))
             .with(Method::<Outputs>::new("poses", "poses.tum: frame, position, quaternion", output::poses))
-            .with(Method::<Outputs>::new("covariances", "covariances.csv: frame and 21 values", output::covariances))
+            .with(Method::<Outputs>::new(
+                "covariances",
+                "covariances.csv: frame and 21 values",
+                output::covariances,
+            ))
             .with(Method::<Outputs>::new("steps", "steps.jsonl: all that a step knows", output::steps))
             .with(Method::<Outputs>::new("report", "report.json: conditions, errors, time", output::report))
-            .with(Method::<Outputs>::new("overlays", "pictures with model, measurements and state", output::overlays))
+            .with(Method::<Outputs>::new(
+                "overlays",
+                "pictures with model, measurements and state",
+                output::overlays,
+            ))
     }
 }
 

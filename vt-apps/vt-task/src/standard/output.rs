@@ -60,7 +60,10 @@ impl Default for OverlaysParams {
 
 impl Params for OverlaysParams {
     fn names(&self) -> Vec<Reference> {
-        self.sensor.iter().map(|s| Reference { key: "sensor", to: Referent::Sensor, name: s.clone() }).collect()
+        self.sensor
+            .iter()
+            .map(|s| Reference { key: "sensor", to: Referent::Sensor, name: s.clone() })
+            .collect()
     }
 }
 

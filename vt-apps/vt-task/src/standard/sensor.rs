@@ -62,7 +62,11 @@ impl Params for Images {
             return Err(ConfigError::parameter("pattern", found, "either `pattern` or `folder`"));
         }
         if let Some(p) = self.pattern.as_ref().filter(|p| !p.0.contains('%')) {
-            return Err(ConfigError::parameter("pattern", format!("\"{}\"", p.0), "a path with one `%d` or `%0Nd`"));
+            return Err(ConfigError::parameter(
+                "pattern",
+                format!("\"{}\"", p.0),
+                "a path with one `%d` or `%0Nd`",
+            ));
         }
         if self.rate.is_some() == self.timestamps.is_some() {
             let found = if self.rate.is_some() { "beside `timestamps`" } else { "missing" };
@@ -75,7 +79,9 @@ impl Params for Images {
             return Err(ConfigError::parameter("step", 0, "a step from 1"));
         }
         match self.last.filter(|&l| l < self.first) {
-            Some(last) => Err(ConfigError::parameter("last", last, format!("a number from {} (`first`)", self.first))),
+            Some(last) => {
+                Err(ConfigError::parameter("last", last, format!("a number from {} (`first`)", self.first)))
+            }
             None => Ok(()),
         }
     }

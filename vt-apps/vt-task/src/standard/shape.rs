@@ -73,8 +73,10 @@ pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Shape, ConfigError>
             FileUnit::Millimetre => Unit::Millimetre,
             FileUnit::Inch => Unit::Inch,
         };
-        let mesh = load_mesh(&path, unit)
-            .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable model file".into() })?;
+        let mesh = load_mesh(&path, unit).map_err(|e| ConfigError::Mismatch {
+            found: e.to_string(),
+            expected: "a readable model file".into(),
+        })?;
         let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let pose = part.object_from_part.clone().unwrap_or_default().pose()?;
         shape = shape.with(&name, mesh, pose);
