@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
+use vt_models::camera::{Camera, CameraError, Lens};
 
 use crate::quantity::{Angle, Length, Pixels};
 
@@ -92,6 +93,22 @@ pub struct CameraSection {
 }
 
 impl CameraSection {
+    /// The camera.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for a value out of its range.
+    pub fn camera(&self) -> Result<Camera, ConfigError> {
+        let ([fx, fy], [cx, cy]) = (self.focal.map(|v| v.si()), self.center.map(|v| v.si()));
+        let wrong = |e: CameraError| ConfigError::parameter("camera", e, "a camera");
+        let camera = Camera::new(fx, fy, cx, cy, self.size[0], self.size[1]).map_err(wrong)?;
+        match &self.distortion {
+            None => Ok(camera),
+            Some(Distortion::BrownConrady(d)) => {
+                Ok(camera.with_lens(Lens::new(d.k1, d.k2, d.p1, d.p2, d.k3).map_err(wrong)?))
+            }
+        }
+    }
+
     /// Checks ranges; the error names the key.
     ///
     /// # Errors

@@ -8,10 +8,15 @@ use core::any::{Any, TypeId};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
+use vt_core::manifold::{Alloc, Coordinates};
+
+use crate::assembly::{TargetBuilder, build_target};
 
 use crate::error::Problem;
 use crate::language::{FilePath, Level, Picture};
@@ -233,6 +238,7 @@ pub struct Registry {
     rows: Vec<Row>,
     // One `Vec<Method<R>>` for each role; found by type, never iterated.
     methods: HashMap<TypeId, Box<dyn Any + Send + Sync>>,
+    builders: Vec<(&'static str, TargetBuilder)>,
 }
 
 impl Registry {
@@ -271,6 +277,25 @@ impl Registry {
             table.push(method);
         }
         self
+    }
+
+    /// This registry with targets of one pose space more. Warps, motion models, inits, modalities and estimators of
+    /// that space are added by [`Registry::with`].
+    #[must_use]
+    pub fn with_space<P: Coordinates>(mut self) -> Self
+    where
+        P::D: DimAdd<P::D>,
+        DimSum<P::D, P::D>: DimAdd<P::D>,
+        DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    {
+        self.builders.retain(|(space, _)| *space != P::SPACE);
+        self.builders.push((P::SPACE, build_target::<P>));
+        self
+    }
+
+    /// Builds targets of a pose space.
+    pub(crate) fn target_builder(&self, space: &str) -> Option<TargetBuilder> {
+        self.builders.iter().find(|(s, _)| *s == space).map(|(_, b)| *b)
     }
 
     /// The method `kind` of the role `R`.

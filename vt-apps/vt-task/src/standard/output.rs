@@ -1,12 +1,13 @@
 //! Outputs.
 
+use nalgebra::Point3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::agent::Output;
 use vt_core::error::{ConfigError, DeviceError};
 use vt_core::frame::SensorId;
 use vt_io::covariances::Covariances;
-use vt_io::overlay::{Overlays, Settings};
+use vt_io::overlay::{Overlays, Projector, Settings};
 use vt_io::poses::Poses;
 use vt_io::report::Report;
 use vt_io::steps::Steps;
@@ -90,5 +91,7 @@ pub(super) fn report(_: NoParams, c: OutputContext<'_>) -> Built {
 pub(super) fn overlays(p: OverlaysParams, c: OutputContext<'_>) -> Built {
     let index = c.sensors.iter().position(|s| p.sensor.as_ref().is_none_or(|n| *n == s.name)).unwrap_or(0);
     let settings = Settings { every: p.every, search: p.search, sheet: p.sheet };
-    Ok(Box::new(Overlays::new(c.folder, SensorId(index as u32), None, settings)))
+    let camera = c.cameras.get(index).copied().flatten();
+    let project = camera.map(|camera| Box::new(move |p: &Point3<f64>| camera.project(p)) as Projector);
+    Ok(Box::new(Overlays::new(c.folder, SensorId(index as u32), project, settings)))
 }
