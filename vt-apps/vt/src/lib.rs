@@ -1,1 +1,6 @@
-//! Soon.
+#![doc = include_str!("../README.md")]
+
+pub mod interrupt;
+pub mod progress;
+pub mod run;
+pub mod verdict;

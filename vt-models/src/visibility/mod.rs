@@ -5,8 +5,10 @@
 
 mod ambiguity;
 mod cache;
+mod mesh_view;
 mod projection;
 
+pub use mesh_view::MeshView;
 pub use cache::{ViewCache, ViewThresholds};
 
 use crate::camera::Camera;

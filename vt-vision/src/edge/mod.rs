@@ -5,7 +5,6 @@ mod memory;
 mod mixture;
 mod modality;
 mod params;
-mod site;
 mod sketch;
 
 pub use features::{EdgeFeatures, EdgeRow};

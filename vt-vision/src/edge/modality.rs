@@ -17,7 +17,7 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::ContrastMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use super::site::EdgeSite;
+use vt_models::visibility::EdgeSite;
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
 
 /// Edge modality of one target.

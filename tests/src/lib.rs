@@ -1,0 +1,3 @@
+//! What the tests across crates share: data sets and rigs.
+
+pub mod rig;
