@@ -167,6 +167,13 @@ impl<D: Dimension> Clone for Quantity<D> {
 
 impl<D: Dimension> Copy for Quantity<D> {}
 
+/// Zero in SI units.
+impl<D: Dimension> Default for Quantity<D> {
+    fn default() -> Self {
+        Self { number: 0.0, unit: D::UNITS[0], dimension: PhantomData }
+    }
+}
+
 impl<D: Dimension> PartialEq for Quantity<D> {
     fn eq(&self, other: &Self) -> bool {
         self.number == other.number && self.unit.0 == other.unit.0

@@ -1,5 +1,6 @@
 //! The methods of this project; adding one is one line here.
 
+pub mod edges;
 pub mod estimator;
 pub mod init;
 pub mod loss;
@@ -15,10 +16,12 @@ use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
 
 use crate::language::Level::{Feature, Object, Pixel};
+use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
     AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, FusionProduct, Fusions,
-    Inits, Losses, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+    Inits, Losses,
+    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
 };
 
 impl Registry {
@@ -53,6 +56,12 @@ impl Registry {
             .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
             .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
             .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
+            .with(
+                Method::<Modalities<SE3>>::new("edges", "model contour against image edges", edges::edges)
+                    .levels(&[Pixel, Feature, Object])
+                    .picture(Picture::Grey)
+                    .calibrated(),
+            )
             .with(
                 Method::<Fusions>::new("stacked", "static: independent measurements are stacked", stacked)
                     .levels(&[Pixel, Feature, Object]),
