@@ -29,13 +29,13 @@ fn boxes() -> Result<Mesh, Box<dyn std::error::Error>> {
     Ok(Mesh::new(data)?)
 }
 
-/// Median and minimum in microseconds over views on a slow turn, the object filling the image.
-fn time(mesh: &Mesh, mut run: impl FnMut(&SE3)) -> (f64, f64) {
+/// Median and minimum in microseconds over views on a slow turn, from this multiple of the diameter.
+fn time(mesh: &Mesh, distance: f64, mut run: impl FnMut(&SE3)) -> (f64, f64) {
     let center = mesh.bounds().center();
     let mut micros: Vec<f64> = (0..2000)
         .map(|i| {
             let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.5, 0.003 * f64::from(i), 0.1));
-            let ahead = Vector3::new(0.0, 0.0, 1.35 * mesh.diameter());
+            let ahead = Vector3::new(0.0, 0.0, distance * mesh.diameter());
             let pose = SE3 { rotation, translation: ahead - rotation * center.coords };
             let start = Instant::now();
             run(&pose);
@@ -61,22 +61,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let small = Camera::new(350.0, 350.0, 159.5, 119.5, 320, 240)?;
     let mut raster = Rasterizer::default();
-    let mut drawn = 0;
-    let (median, best) = time(&mesh, |pose| {
-        raster.render(&mesh, &small, pose, &RasterOptions { whole_image: true, ..Default::default() });
-        drawn = raster.ids().iter().filter(|&&i| i != vt_models::raster::NONE).count();
-    });
-    println!(
-        "raster 320x240 with count: median {median:.1} µs, best {best:.1} µs ({drawn} of 76800 pixels drawn)"
-    );
-    let (median, best) = time(&mesh, |pose| raster.render(&mesh, &small, pose, &RasterOptions::default()));
-    println!("raster 320x240: median {median:.1} µs, best {best:.1} µs");
+    for distance in [0.7, 1.35] {
+        let (median, best) =
+            time(&mesh, distance, |pose| raster.render(&mesh, &small, pose, &RasterOptions::default()));
+        let drawn = raster.ids().iter().filter(|&&i| i != vt_models::raster::NONE).count();
+        println!(
+            "raster 320x240: median {median:.1} µs, best {best:.1} µs ({drawn} of 76800 pixels drawn last)"
+        );
+    }
 
     let camera = Camera::new(700.0, 700.0, 319.5, 239.5, 640, 480)?;
     for raster_scale in [0.5, 0.25] {
         let options = VisibilityOptions { raster_scale, ..Default::default() };
         let mut visible = VisibleEdges::default();
-        let (median, best) = time(&mesh, |pose| visible.update(&mesh, &edges, &camera, pose, &options));
+        let (median, best) = time(&mesh, 1.35, |pose| visible.update(&mesh, &edges, &camera, pose, &options));
         let sites = visible.sites().len();
         println!(
             "visibility 640x480, raster 1:{}: median {median:.1} µs, best {best:.1} µs, {sites} sites",

@@ -1,7 +1,9 @@
-//! What is tracked: shapes, edges, cameras, visibility.
+#![doc = include_str!("../README.md")]
 
+pub mod appearance;
 pub mod camera;
 pub mod edges;
+pub mod feature;
 #[cfg(feature = "loaders")]
 pub mod loaders;
 pub mod mesh;
@@ -9,3 +11,6 @@ pub mod raster;
 #[cfg(feature = "raycast")]
 pub mod raycast;
 pub mod visibility;
+pub mod warp;
+
+pub use vt_core::dynamics;

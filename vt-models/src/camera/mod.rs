@@ -139,6 +139,9 @@ impl Camera {
     #[must_use]
     pub fn project(&self, p_in_camera: &Point3<f64>) -> Option<Point2<f64>> {
         let p = p_in_camera;
+        if self.lens == Lens::NONE && p.z > MIN_DEPTH {
+            return Some(Point2::new(p.x / p.z * self.fx + self.cx, p.y / p.z * self.fy + self.cy));
+        }
         let valid = p.z > MIN_DEPTH && self.lens.is_valid(p.x / p.z, p.y / p.z);
         valid.then(|| self.project_generic([p.x, p.y, p.z]).into())
     }
@@ -153,6 +156,17 @@ impl Camera {
         }
         let inverse = 1.0 / p.z;
         let (x, y) = (p.x * inverse, p.y * inverse);
+        if self.lens == Lens::NONE {
+            let jacobian = Matrix2x3::new(
+                self.fx * inverse,
+                0.0,
+                -self.fx * x * inverse,
+                0.0,
+                self.fy * inverse,
+                -self.fy * y * inverse,
+            );
+            return Some((Point2::new(x * self.fx + self.cx, y * self.fy + self.cy), jacobian));
+        }
         if !self.lens.is_valid(x, y) {
             return None;
         }

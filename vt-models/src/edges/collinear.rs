@@ -1,7 +1,7 @@
 //! Joins sides that overlap or follow one another on a straight line.
 
-use super::sheet::{Judge, Sheet, alike, distinct};
-use super::{Edge, EdgeKind, MeshReport};
+use super::sheet::{Judge, Sheet, alike};
+use super::{Edge, MeshReport};
 use nalgebra::Point3;
 
 /// A side between two welded vertices with everything that leaves it.
@@ -157,18 +157,17 @@ fn intervals(
     for k in 0..stops.len().saturating_sub(1) {
         let here = || group.iter().zip(&spans).filter(|(_, s)| s.0 <= k && k < s.1).map(|(&i, _)| &raw[i]);
         let all: Vec<Sheet> = here().flat_map(|r| r.sheets.iter().copied()).collect();
-        let kind = judge.kind(&all, here().any(|r| r.line));
+        let judged = judge.edge(&all, here().any(|r| r.line));
         let covered = here().next().is_some();
-        report.coplanar += usize::from(covered && kind.is_none());
-        let sheets = distinct(&all);
+        report.coplanar += usize::from(covered && judged.is_none());
         let ends = [stops[k], stops[k + 1]].map(|s| points[s.1 as usize]);
-        match (&mut open, kind) {
-            (Some(edge), Some(kind)) if edge.kind == kind && alike(&edge.sheets, &sheets) => {
-                edge.ends[1] = ends[1]
+        match (&mut open, judged) {
+            (Some(edge), Some((kind, sheets))) if edge.kind == kind && alike(&edge.sheets, &sheets) => {
+                edge.ends[1] = ends[1];
             }
-            _ => {
+            (_, judged) => {
                 edges.extend(open.take());
-                open = kind.map(|kind: EdgeKind| Edge { ends, kind, sheets });
+                open = judged.map(|(kind, sheets)| Edge { ends, kind, sheets });
             }
         }
     }

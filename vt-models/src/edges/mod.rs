@@ -129,7 +129,7 @@ impl EdgeModel {
         let judge = sheet::Judge::new(crease_angle, coplanar_angle);
         // Flat edges go before the costly search for collinear neighbours.
         let before = raw.len();
-        let raw: Vec<Raw> = raw.into_iter().filter(|r| judge.kind(&r.sheets, r.line).is_some()).collect();
+        let raw: Vec<Raw> = raw.into_iter().filter(|r| judge.edge(&r.sheets, r.line).is_some()).collect();
         report.coplanar = before - raw.len();
         let edges = collinear::join(&raw, &points, 2.0 * tolerance, &judge, &mut report);
         for edge in &edges {

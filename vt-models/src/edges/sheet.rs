@@ -41,12 +41,23 @@ impl Judge {
         Self { crease: math::cos(crease_angle), coplanar: math::cos(coplanar_angle) }
     }
 
-    /// `None` where there is no edge. The fold of two sheets is the angle between one's inward direction and the
-    /// continuation of the other's; unlike the angle between normals it needs no orientation and tells a knife
-    /// edge from a plane.
-    pub fn kind(&self, sheets: &[Sheet], line: bool) -> Option<EdgeKind> {
-        let distinct = distinct(sheets);
-        match distinct[..] {
+    /// What kind of edge the sheets make, and the sheets that make it; `None` where there is no edge.
+    ///
+    /// The fold of two sheets is the angle between one's inward direction and the continuation of the other's;
+    /// unlike the angle between normals it needs no orientation and tells a knife edge from a plane. Where more than
+    /// two meet, those that continue each other in one plane only pass through: a wall standing on a floor makes
+    /// the same edge whether or not the floor is cut along it, and two planes that cross make none.
+    pub fn edge(&self, sheets: &[Sheet], line: bool) -> Option<(EdgeKind, Vec<Sheet>)> {
+        let mut distinct = distinct(sheets);
+        if distinct.len() > 2 {
+            let ending = self.without_passing(&distinct);
+            if !ending.is_empty() {
+                distinct = ending;
+            } else if !line {
+                return None;
+            }
+        }
+        let kind = match distinct[..] {
             [] => line.then_some(EdgeKind::Line),
             [_] => Some(EdgeKind::Boundary),
             [a, b] => {
@@ -59,13 +70,30 @@ impl Judge {
                     (straightness < self.coplanar).then_some(EdgeKind::Smooth)
                 }
             }
+            _ if self.without_passing(&distinct).is_empty() => Some(EdgeKind::Line),
             _ => Some(EdgeKind::NonManifold),
+        };
+        kind.map(|kind| (kind, distinct))
+    }
+
+    /// Sheets without the pairs that continue each other in one plane.
+    fn without_passing(&self, distinct: &[Sheet]) -> Vec<Sheet> {
+        let mut passing = vec![false; distinct.len()];
+        for i in 0..distinct.len() {
+            let partner = (i + 1..distinct.len()).find(|&j| {
+                !passing[i] && !passing[j] && -distinct[i].inward.dot(&distinct[j].inward) >= self.coplanar
+            });
+            if let Some(j) = partner {
+                passing[i] = true;
+                passing[j] = true;
+            }
         }
+        distinct.iter().zip(passing).filter(|s| !s.1).map(|s| *s.0).collect()
     }
 }
 
 /// Sheets without repetitions, in order.
-pub(super) fn distinct(sheets: &[Sheet]) -> Vec<Sheet> {
+fn distinct(sheets: &[Sheet]) -> Vec<Sheet> {
     let mut out: Vec<Sheet> = Vec::with_capacity(sheets.len());
     for s in sheets {
         if out.iter().all(|o| o.inward.dot(&s.inward) < SAME) {

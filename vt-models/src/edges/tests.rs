@@ -112,6 +112,33 @@ fn coincident_edges_lines_and_non_manifold_edges() {
 }
 
 #[test]
+fn surfaces_that_pass_through_make_no_difference() {
+    // A wall stands on a floor that is cut along the wall's foot, and on one that is not.
+    let p = [
+        [-1., -1., 0.],
+        [1., -1., 0.],
+        [1., 1., 0.],
+        [-1., 1., 0.],
+        [-1., 0., 0.],
+        [1., 0., 0.],
+        [-1., 0., 1.],
+        [1., 0., 1.],
+    ];
+    let points = p.map(Point3::from).to_vec();
+    let whole = build(points.clone(), &[vec![0, 1, 2, 3], vec![4, 5, 7, 6]], &[]);
+    let cut = build(points.clone(), &[vec![0, 1, 5, 4], vec![4, 5, 2, 3], vec![4, 5, 7, 6]], &[]);
+    for model in [&whole, &cut] {
+        assert_eq!((model.edges().len(), model.report().boundaries), (8, 8), "{:?}", model.report());
+    }
+    // Two planes that cross, both cut along the crossing; a line drawn there stays.
+    let mut points = points;
+    points.extend([Point3::new(-1., 0., -1.), Point3::new(1., 0., -1.)]);
+    let planes = [vec![0, 1, 5, 4], vec![4, 5, 2, 3], vec![4, 5, 7, 6], vec![4, 5, 9, 8]];
+    assert_eq!(build(points.clone(), &planes, &[]).edges().len(), 8);
+    assert_eq!(build(points, &planes, &[[4, 5]]).report().lines, 1);
+}
+
+#[test]
 fn degenerate_input_is_counted() {
     let points =
         [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [1e-9, 0., 0.], [2., 0., 0.]].map(Point3::from).to_vec();

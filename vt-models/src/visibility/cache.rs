@@ -27,7 +27,7 @@ impl Default for ViewThresholds {
 
 /// The view a list was made for.
 #[derive(Clone, Copy, Debug)]
-struct Key {
+pub(crate) struct ViewKey {
     camera: Camera,
     toward_camera: Vector3<f64>,
     distance: f64,
@@ -35,8 +35,8 @@ struct Key {
     center: Option<Point2<f64>>,
 }
 
-impl Key {
-    fn new(mesh: &Mesh, camera: &Camera, camera_from_object: &SE3) -> Self {
+impl ViewKey {
+    pub(crate) fn new(mesh: &Mesh, camera: &Camera, camera_from_object: &SE3) -> Self {
         let center = camera_from_object.act(&mesh.bounds().center());
         let distance = center.coords.norm();
         let toward_camera = camera_from_object.rotation.inverse() * -center.coords;
@@ -49,7 +49,7 @@ impl Key {
         }
     }
 
-    fn is_near(&self, now: &Self, limits: &ViewThresholds, cut: bool) -> bool {
+    pub(crate) fn is_near(&self, now: &Self, limits: &ViewThresholds, cut: bool) -> bool {
         // |a × b| is the sine of the angle, which the threshold bounds closely enough.
         let turned = self.toward_camera.cross(&now.toward_camera).norm();
         let roll = (now.rotation * self.rotation.inverse()).scaled_axis().z.abs();
@@ -76,7 +76,7 @@ pub struct ViewCache {
     /// When they are found again.
     pub thresholds: ViewThresholds,
     visible: VisibleEdges,
-    key: Option<Key>,
+    key: Option<ViewKey>,
 }
 
 impl ViewCache {
@@ -94,7 +94,7 @@ impl ViewCache {
         camera: &Camera,
         camera_from_object: &SE3,
     ) -> bool {
-        let now = Key::new(mesh, camera, camera_from_object);
+        let now = ViewKey::new(mesh, camera, camera_from_object);
         if self.key.is_some_and(|k| k.is_near(&now, &self.thresholds, self.visible.is_cut())) {
             return false;
         }

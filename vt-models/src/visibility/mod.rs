@@ -8,8 +8,9 @@ mod cache;
 mod mesh_view;
 mod projection;
 
-pub use mesh_view::MeshView;
+pub(crate) use cache::ViewKey;
 pub use cache::{ViewCache, ViewThresholds};
+pub use mesh_view::MeshView;
 
 use crate::camera::Camera;
 use crate::edges::{Edge, EdgeKind, EdgeModel};

@@ -9,11 +9,9 @@
 //! with the probability `q` of a miss and `λ` clutter edges per pixel. The constant bounds the influence of any line:
 //! seen as an M-estimator it is redescending, and no edge or only far edges mean "missing", not "impossible".
 
-use core::marker::PhantomData;
-
-use nalgebra::{DefaultAllocator, Point3, Vector2};
+use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, Point3, Vector2, Vector3};
 use vt_core::agent::{Posed, Warp};
-use vt_core::manifold::{Alloc, Manifold};
+use vt_core::manifold::{Alloc, Manifold, Tangent};
 use vt_core::math;
 use vt_core::measurement::{NormalEquations, Quality};
 
@@ -21,14 +19,21 @@ use vt_core::measurement::{NormalEquations, Quality};
 const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
 
 /// A search line that was looked at.
-#[derive(Clone, Copy, Debug)]
-pub struct Line {
+#[derive(Clone, Debug)]
+pub struct Line<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
     /// Contour point on the model, body coordinates, metres.
     pub point: Point3<f64>,
+    /// Unit tangent of the contour on the model.
+    pub tangent: Vector3<f64>,
     /// Normal of the contour in the image.
     pub normal: Vector2<f64>,
     /// Position `n · y` of the contour when it was searched, pixels.
     pub searched_at: f64,
+    /// `∂(n · y)/∂δ` when it was searched, pixels per tangent unit.
+    pub jacobian: Tangent<P>,
     /// First of the line's edges in the common list.
     pub first: u32,
     /// Number of the line's edges.
@@ -51,15 +56,17 @@ pub struct LineEdge {
 }
 
 /// All lines of one search with their edges, as a likelihood of the pose.
-pub struct EdgeMixture<P, W> {
+pub struct EdgeMixture<P: Manifold, W>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
     pub(super) warp: W,
-    pub(super) lines: Vec<Line>,
+    pub(super) lines: Vec<Line<P>>,
     pub(super) edges: Vec<LineEdge>,
     /// Scale of the residuals, pixels.
     pub(super) sigma: f64,
     /// `q λ`: miss probability times clutter density.
     pub(super) clutter: f64,
-    pub(super) pose: PhantomData<fn() -> P>,
 }
 
 /// What one line says about a contour position.
@@ -69,10 +76,24 @@ pub(super) struct Vote {
     pub probability: f64,
     /// Mean residual of the edges under that probability, times the probability.
     pub pull: f64,
-    /// `ln P` against clutter.
-    pub log_ratio: f64,
+    /// `P` against clutter.
+    pub ratio: f64,
     /// Index among the line's edges and probability of the most probable one.
     pub best: Option<(usize, f64)>,
+}
+
+/// Adds `w j jᵀ` to the lower triangle of `m`.
+#[inline]
+fn accumulate_lower<D: Dim>(m: &mut OMatrix<f64, D, D>, j: &OVector<f64, D>, w: f64)
+where
+    DefaultAllocator: Alloc<D>,
+{
+    for c in 0..j.len() {
+        let wj = w * j[c];
+        for r in c..j.len() {
+            m[(r, c)] += wj * j[r];
+        }
+    }
 }
 
 /// The vote of a line whose edges have the given residuals and prior weights.
@@ -86,7 +107,7 @@ pub(super) fn vote(edges: impl Iterator<Item = (f64, f64)>, sigma: f64, clutter:
         if exponent < -30.0 {
             continue;
         }
-        let p = beta * prior * math::exp(exponent);
+        let p = beta * prior * math::exp_fast(exponent);
         sum += p;
         pull += p * r;
         if best.is_none_or(|(_, q)| p > q) {
@@ -97,7 +118,7 @@ pub(super) fn vote(edges: impl Iterator<Item = (f64, f64)>, sigma: f64, clutter:
     Vote {
         probability: sum / total,
         pull: pull / total,
-        log_ratio: math::ln(total),
+        ratio: total,
         best: best.map(|(k, p)| (k, p / total)),
     }
 }
@@ -107,34 +128,32 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     pub(super) fn new(warp: W, sigma: f64, clutter: f64) -> Self {
-        Self { warp, lines: vec![], edges: vec![], sigma, clutter, pose: PhantomData }
+        Self { warp, lines: vec![], edges: vec![], sigma, clutter }
     }
 
     /// The vote of `line` for a contour at position `u` with scale `sigma`.
     #[inline]
-    pub(super) fn vote(&self, line: &Line, u: f64, sigma: f64) -> Vote {
+    pub(super) fn vote(&self, line: &Line<P>, u: f64, sigma: f64) -> Vote {
         let first = line.first as usize;
         let edges = &self.edges[first..first + line.count as usize];
         vote(edges.iter().map(|e| (e.position - u, e.prior)), sigma, self.clutter)
     }
 
-    /// Gradient and Gauss–Newton matrix of the negative log-likelihood with scale `sigma`.
-    pub(super) fn normal_equations(&self, at: &P, sigma: f64, out: &mut NormalEquations<P>) {
+    /// Gradient and Gauss–Newton matrix of the negative log-likelihood with scale `sigma` at the pose that lies `delta`
+    /// away from the one at which the lines were searched, with the contour linearised there.
+    pub(super) fn linear_equations(&self, delta: &Tangent<P>, sigma: f64, out: &mut NormalEquations<P>) {
         out.clear();
-        let posed = self.warp.at(at);
         let information = 1.0 / (sigma * sigma);
         for line in &self.lines {
-            let Some((y, j)) = posed.linearize(&line.point) else { continue };
-            let vote = self.vote(line, line.normal.dot(&y.coords), sigma);
-            out.cost -= line.weight * vote.log_ratio;
+            let vote = self.vote(line, line.searched_at + line.jacobian.dot(delta), sigma);
             if vote.probability > 0.0 {
-                let j = j.tr_mul(&line.normal);
                 let w = line.weight * information;
-                out.information.ger(w * vote.probability, &j, &j, 1.0);
-                out.gradient.axpy(w * vote.pull, &j, 1.0);
+                accumulate_lower(&mut out.information, &line.jacobian, w * vote.probability);
+                out.gradient.axpy(w * vote.pull, &line.jacobian, 1.0);
                 out.rows += 1;
             }
         }
+        out.information.fill_upper_triangle_with_lower_triangle();
     }
 
     /// Support of a pose by the lines.
@@ -147,7 +166,7 @@ where
             let vote = self.vote(line, line.normal.dot(&y.coords), self.sigma);
             q.expected += 1;
             weight += line.weight;
-            log_ratio += line.weight * vote.log_ratio;
+            log_ratio += line.weight * math::ln(vote.ratio);
             if vote.probability > 0.5 {
                 q.inliers += 1;
                 inlier_weight += line.weight;

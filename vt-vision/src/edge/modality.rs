@@ -9,6 +9,7 @@ use vt_core::error::MeasureError;
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::SensorId;
 use vt_core::manifold::{Alloc, Manifold, Square};
+use vt_core::math;
 use vt_core::measurement::{Level, Measurement, Modality, NormalEquations};
 use vt_core::pose_measurement::PoseMeasurement;
 use vt_core::sketch::Mark;
@@ -17,8 +18,8 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::ContrastMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use vt_models::visibility::EdgeSite;
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
+use vt_models::visibility::EdgeSite;
 
 /// Edge modality of one target.
 ///
@@ -72,7 +73,7 @@ where
             features: EdgeFeatures { rows: vec![], mixture },
             object: None,
             equations: None,
-            memory: ContrastMemory::default(),
+            memory: ContrastMemory::new(0.03 * diameter),
             found: vec![],
             deviations: vec![],
             seen: false,
@@ -87,6 +88,7 @@ where
         mixture.edges.clear();
         let posed = mixture.warp.at(pose);
         let mut squares = 0.0;
+        let slack = self.params.range[0] / 3.0;
         for site in self.visibility.visible(pose) {
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
@@ -113,19 +115,24 @@ where
             }
             let searched_at = normal.dot(&y.coords);
             let first = mixture.edges.len() as u32;
+            let known = self.memory.recall(site.edge, &site.p_in_object, &site.tangent);
+            // Where the contour is predicted, an edge is the more probable the nearer it is.
+            let gate = -0.5 / (deviation2 + slack * slack);
             mixture.edges.extend(self.found.iter().map(|c| LineEdge {
                 position: searched_at + c.offset,
                 contrast: c.contrast,
-                prior: self.memory.weight(site.edge, c.contrast),
+                prior: ContrastMemory::weight(known, c.contrast) * math::exp(c.offset * c.offset * gate),
             }));
             squares += deviation2;
             mixture.lines.push(Line {
                 point: site.p_in_object,
                 normal,
                 searched_at,
+                jacobian: j,
                 first,
                 count: self.found.len() as u32,
                 edge: site.edge,
+                tangent: site.tangent,
                 weight: 1.0,
             });
         }
@@ -135,35 +142,36 @@ where
 
     /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to that of the
     /// localisation noise. `root` is a root of the prior covariance: the pose moves in its span only, and where the
-    /// data are silent not at all. Returns the root mean square motion of the contour in pixels.
+    /// data are silent not at all. The contour is linearised at the pose of the search; whoever uses the result
+    /// linearises anew. Returns the root mean square motion of the contour in pixels.
     fn align(&mut self, pose: &mut P, root: &Square<P>, mut sigma: f64) -> f64 {
         let mixture = &self.features.mixture;
         let equations = self.equations.get_or_insert_with(|| NormalEquations::empty(pose));
-        let mut moved = 0.0;
+        let mut delta = pose.zero();
+        let mut scale = 1.0;
         for _ in 0..self.params.iterations {
-            mixture.normal_equations(pose, sigma, equations);
-            let weight = equations.rows as f64;
+            mixture.linear_equations(&delta, sigma, equations);
             let mut system = root.tr_mul(&(&equations.information * root));
             for k in 0..system.nrows() {
                 system[(k, k)] += TIE;
             }
             let Some(factor) = cholesky(system) else { break };
             let step = root * factor.solve(&root.tr_mul(&equations.gradient));
-            let motion2 = (&equations.information * &step).dot(&step) * sigma * sigma / weight.max(1.0);
-            let next = pose.retract(&step);
-            if !next.is_finite() {
-                break;
-            }
-            *pose = next;
-            let motion = motion2.max(0.0).sqrt();
-            moved += motion;
+            scale = sigma * sigma / (equations.rows as f64).max(1.0);
+            let motion = ((&equations.information * &step).dot(&step) * scale).max(0.0).sqrt();
+            delta += step;
             if sigma <= self.params.sigma && motion < STILL {
                 break;
             }
             sigma =
                 if motion < 0.1 * sigma { self.params.sigma } else { (0.5 * sigma).max(self.params.sigma) };
         }
-        moved
+        let next = pose.retract(&delta);
+        if !next.is_finite() {
+            return 0.0;
+        }
+        *pose = next;
+        ((&equations.information * &delta).dot(&delta) * scale).max(0.0).sqrt()
     }
 
     /// Matches to every line its most probable edge at `pose`, estimates the scale of the residuals and remembers
@@ -174,7 +182,6 @@ where
         self.deviations.clear();
         let posed = mixture.warp.at(pose);
         let sigma = self.params.sigma;
-        let mut running: Option<(u32, f64, f64)> = None;
         for line in &mixture.lines {
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
@@ -182,18 +189,7 @@ where
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
                 self.deviations.push((edge.position - u).abs());
-                match &mut running {
-                    Some((id, sum, n)) if *id == line.edge => {
-                        *sum += edge.contrast;
-                        *n += 1.0;
-                    }
-                    _ => {
-                        if let Some((id, sum, n)) = running {
-                            self.memory.observe(id, sum / n);
-                        }
-                        running = Some((line.edge, edge.contrast, 1.0));
-                    }
-                }
+                self.memory.observe(line.edge, &line.point, &line.tangent, edge.contrast);
             }
             rows.push(EdgeRow {
                 point: line.point,
@@ -202,9 +198,6 @@ where
                 variance: 1.0 / line.weight,
                 weight: probability,
             });
-        }
-        if let Some((id, sum, n)) = running {
-            self.memory.observe(id, sum / n);
         }
         let scale = match self.deviations.len() {
             0 => sigma,

@@ -103,7 +103,7 @@ where
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
         for (pose, l) in poses.iter().zip(out) {
             let mut sum = 0.0;
-            self.each(pose, |_, _, _, _, vote, _| sum += vote.log_ratio);
+            self.each(pose, |_, _, _, _, vote, _| sum += math::ln(vote.ratio));
             *l = self.weight * sum;
         }
     }
@@ -123,7 +123,7 @@ where
         out.clear();
         let information = self.weight / (self.sigma * self.sigma);
         self.each(at, |c, posed, _, normal, vote, _| {
-            out.cost -= self.weight * vote.log_ratio;
+            out.cost -= self.weight * math::ln(vote.ratio);
             if vote.probability == 0.0 {
                 return;
             }
@@ -140,7 +140,7 @@ where
         let (mut squares, mut log_ratio) = (0.0, 0.0);
         self.each(at, |_, _, _, _, vote, _| {
             q.expected += 1;
-            log_ratio += vote.log_ratio;
+            log_ratio += math::ln(vote.ratio);
             if vote.probability > 0.5 {
                 q.inliers += 1;
                 squares += (vote.pull / vote.probability / self.sigma).powi(2);
