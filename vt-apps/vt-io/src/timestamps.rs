@@ -1,0 +1,31 @@
+//! Times of the frames of a recorded sequence.
+
+use std::path::Path;
+
+use vt_core::error::DeviceError;
+use vt_core::time::Timestamp;
+
+/// Reads a file of times: one number of seconds a line, or `frame seconds`; `#` starts a comment.
+///
+/// # Errors
+/// [`DeviceError`] that names the file and the line.
+pub fn read(path: &Path) -> Result<Vec<(Option<u64>, Timestamp)>, DeviceError> {
+    let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
+    let mut out = vec![];
+    for (k, line) in text.lines().enumerate() {
+        let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
+        let fail = |found: &str| {
+            let why = format!("line {}: found `{found}`; expected `seconds` or `frame seconds`", k + 1);
+            DeviceError::new(path.display(), why)
+        };
+        let seconds =
+            |word: &str| word.parse::<f64>().ok().filter(|s| s.is_finite()).ok_or_else(|| fail(word));
+        match words[..] {
+            [] => {}
+            [s] => out.push((None, Timestamp::from_seconds(seconds(s)?))),
+            [n, s] => out.push((Some(n.parse().map_err(|_| fail(n))?), Timestamp::from_seconds(seconds(s)?))),
+            _ => return Err(fail(line)),
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,167 @@
+//! True poses by frame number, for scores and for the start of a run.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use vt_core::error::DeviceError;
+use vt_core::lie::SE3;
+
+/// True poses, camera_from_object in metres, by frame number.
+#[derive(Clone, Debug, Default)]
+pub struct Truth(pub BTreeMap<u64, SE3>);
+
+impl Truth {
+    /// Reads `frame tx ty tz qx qy qz qw` lines (blanks or commas between the numbers, `#` starts a comment).
+    ///
+    /// # Errors
+    /// [`DeviceError`] that names the file and the line.
+    pub fn read_tum(path: &Path) -> Result<Self, DeviceError> {
+        let mut poses = BTreeMap::new();
+        for (line, v) in rows(path)? {
+            let fail = |why: &str| DeviceError::new(path.display(), format!("line {line}: {why}"));
+            if v.len() != 8 {
+                let why = format!("{} numbers; expected 8: frame tx ty tz qx qy qz qw", v.len());
+                return Err(fail(&why));
+            }
+            if !(v[0] >= 0.0 && v[0].fract() == 0.0) {
+                return Err(fail(&format!("frame {}; expected a whole number from 0", v[0])));
+            }
+            let pose = from_quaternion(&v[1..]).ok_or_else(|| fail("expected a quaternion of length 1"))?;
+            poses.insert(v[0] as u64, pose);
+        }
+        Ok(Self(poses))
+    }
+
+    /// Reads a folder of text files with a 4×4 matrix each; the last number of a file's name is its frame.
+    ///
+    /// # Errors
+    /// [`DeviceError`] that names the file.
+    pub fn read_matrices(folder: &Path) -> Result<Self, DeviceError> {
+        let fail = |e: std::io::Error| DeviceError::new(folder.display(), e);
+        let mut poses = BTreeMap::new();
+        for entry in std::fs::read_dir(folder).map_err(fail)? {
+            let path = entry.map_err(fail)?.path();
+            let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            let digits = stem.rsplit(|c: char| !c.is_ascii_digit()).find(|s| !s.is_empty());
+            let number = digits.and_then(|d| d.parse().ok());
+            if let (Some(n), true) = (number, path.extension().is_some_and(|e| e == "txt")) {
+                poses.insert(n, read_pose(&path)?);
+            }
+        }
+        if poses.is_empty() {
+            let why = "no poses; expected text files with a number in the name and a 4x4 matrix inside";
+            return Err(DeviceError::new(folder.display(), why));
+        }
+        Ok(Self(poses))
+    }
+}
+
+/// Reads one pose: 6 numbers (translation, rotation vector), 7 (`tx ty tz qx qy qz qw`), 8 (frame before these), or
+/// 12 or 16 (matrix by rows). Metres and radians.
+///
+/// # Errors
+/// [`DeviceError`] that names the file.
+pub fn read_pose(path: &Path) -> Result<SE3, DeviceError> {
+    let v: Vec<f64> = rows(path)?.into_iter().flat_map(|(_, v)| v).collect();
+    let pose = match v.len() {
+        6 => Some(SE3 {
+            rotation: UnitQuaternion::from_scaled_axis(Vector3::new(v[3], v[4], v[5])),
+            translation: Vector3::new(v[0], v[1], v[2]),
+        }),
+        7 => from_quaternion(&v),
+        8 => from_quaternion(&v[1..]),
+        12 | 16 => from_matrix(&v),
+        n => {
+            let why = format!("{n} numbers; expected a pose of 6, 7, 8, 12 or 16 numbers");
+            return Err(DeviceError::new(path.display(), why));
+        }
+    };
+    pose.ok_or_else(|| {
+        DeviceError::new(path.display(), "no rotation; expected a unit quaternion or a rotation matrix")
+    })
+}
+
+fn from_quaternion(v: &[f64]) -> Option<SE3> {
+    let q = Quaternion::new(v[6], v[3], v[4], v[5]);
+    ((q.norm() - 1.0).abs() < 1e-3).then(|| SE3 {
+        rotation: UnitQuaternion::from_quaternion(q),
+        translation: Vector3::new(v[0], v[1], v[2]),
+    })
+}
+
+/// Files keep few digits, so the rotation is the nearest one to the matrix.
+fn from_matrix(v: &[f64]) -> Option<SE3> {
+    let m = Matrix3::from_fn(|r, c| v[4 * r + c]);
+    let defect = (m.transpose() * m - Matrix3::identity()).norm();
+    if !(defect < 1e-3 && m.determinant() > 0.0) {
+        return None;
+    }
+    let svd = m.svd(true, true);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(svd.u? * svd.v_t?));
+    Some(SE3 { rotation, translation: Vector3::new(v[3], v[7], v[11]) })
+}
+
+/// Lines of numbers with their line numbers, from 1.
+fn rows(path: &Path) -> Result<Vec<(usize, Vec<f64>)>, DeviceError> {
+    let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
+    let mut out = vec![];
+    for (k, line) in text.lines().enumerate() {
+        let words = line.split('#').next().unwrap_or_default();
+        let mut row = vec![];
+        for word in words.split(|c: char| c.is_whitespace() || ",;".contains(c)).filter(|w| !w.is_empty()) {
+            let number = word.parse::<f64>().ok().filter(|v| v.is_finite());
+            row.push(number.ok_or_else(|| {
+                DeviceError::new(path.display(), format!("line {}: found `{word}`; expected a number", k + 1))
+            })?);
+        }
+        if !row.is_empty() {
+            out.push((k + 1, row));
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_forms_of_one_pose_agree() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("pose.txt");
+        // A quarter turn about z.
+        let forms = [
+            "1 2 3 0 0 1.5707963267948966",
+            "1 2 3  0 0 0.7071067811865476 0.7071067811865476",
+            "9, 1, 2, 3, 0, 0, 0.7071067811865476, 0.7071067811865476",
+            "0 -1 0 1\n1 0 0 2\n0 0 1 3\n",
+            "# c\n0 -1 0 1\n1 0 0 2\n0 0 1 3\n0 0 0 1\n",
+        ];
+        for text in forms {
+            std::fs::write(&file, text).unwrap();
+            let p = read_pose(&file).unwrap();
+            let image = p.act(&nalgebra::Point3::new(1.0, 0.0, 0.0));
+            assert!((image - nalgebra::Point3::new(1.0, 3.0, 3.0)).norm() < 1e-12, "{text}");
+        }
+        for (text, word) in [("1 2", "2 numbers"), ("1 2 x", "`x`"), ("1 2 3 1 1 1 1", "no rotation")] {
+            std::fs::write(&file, text).unwrap();
+            assert!(read_pose(&file).unwrap_err().to_string().contains(word));
+        }
+    }
+
+    #[test]
+    fn truth_is_read_by_frame_number() {
+        let dir = tempfile::tempdir().unwrap();
+        let eye = "1 0 0 0.1\n0 1 0 0.2\n0 0 1 0.3\n0 0 0 1\n";
+        std::fs::write(dir.path().join("Camera_007.txt"), eye).unwrap();
+        std::fs::write(dir.path().join("notes.md"), "nothing").unwrap();
+        let truth = Truth::read_matrices(dir.path()).unwrap();
+        assert_eq!(truth.0[&7].translation, Vector3::new(0.1, 0.2, 0.3));
+        let tum = dir.path().join("t.tum");
+        std::fs::write(&tum, "# x\n7 0.1 0.2 0.3 0 0 0 1\n8 0 0 0 0 0 0 1\n").unwrap();
+        assert_eq!(Truth::read_tum(&tum).unwrap().0.keys().collect::<Vec<_>>(), [&7, &8]);
+        std::fs::write(&tum, "7 0.1 0.2\n").unwrap();
+        assert!(Truth::read_tum(&tum).unwrap_err().to_string().contains("line 1: 3 numbers"));
+    }
+}

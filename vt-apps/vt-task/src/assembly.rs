@@ -1,0 +1,292 @@
+//! From a checked task to things that run.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
+use vt_core::agent::{LossDetector, Output, Sensor};
+use vt_core::belief::{Gaussian, Triple};
+use vt_core::evidence::Processing;
+use vt_core::frame::{Frame, SensorId};
+use vt_core::manifold::{Alloc, Coordinates, Tangent};
+use vt_core::report::{Assessment, Verdict};
+use vt_fusion::{AnyTarget, Target, TrackingLoop};
+use vt_io::report::Header;
+use vt_io::summary::Summary;
+use vt_io::truth::Truth;
+use vt_models::camera::Camera;
+use vt_models::mesh::Shape;
+
+use crate::document::Document;
+use crate::error::{Problem, TaskErrors};
+use crate::language::{TargetSection, Task};
+use crate::node::Node;
+use crate::reader::ReadError;
+use crate::registry::{Registry, Role};
+use crate::roles::{
+    AppearanceProduct, Appearances, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
+    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, Reinits, SensorContext,
+    Sensors, Shapes, TruthContext, Truths, Warps,
+};
+
+/// Everything of a task that does not need a picture yet.
+pub struct Scene {
+    /// Sensors in the order of the task.
+    pub sensors: Vec<Box<dyn Sensor>>,
+    /// True poses of each target, where they are known.
+    pub truths: Vec<Option<Truth>>,
+    cameras: Vec<Option<Camera>>,
+    shapes: BTreeMap<String, Shape>,
+    appearances: BTreeMap<String, AppearanceProduct>,
+}
+
+/// A target with the processing that it needs.
+pub struct BuiltTarget {
+    /// The target.
+    pub target: Box<dyn AnyTarget>,
+    /// Units of image processing.
+    pub processing: Vec<Box<dyn Processing>>,
+}
+
+/// What the targets of a pose space are built from.
+pub struct TargetContext<'a> {
+    registry: &'a Registry,
+    document: &'a Document,
+    task: &'a Task,
+    scene: &'a Scene,
+    index: usize,
+    first_frames: &'a [Frame],
+}
+
+/// Builds targets of one pose space.
+pub(crate) type TargetBuilder = fn(&TargetContext<'_>) -> Result<BuiltTarget, ReadError>;
+
+impl Scene {
+    /// Reads models and opens sensors.
+    ///
+    /// # Errors
+    /// [`TaskErrors`] where a file does not have the content it should have, at the place that names it.
+    pub fn build(document: &Document, task: &Task, registry: &Registry) -> Result<Self, TaskErrors> {
+        Self::new(document, task, registry).map_err(|e| document.error(e).into())
+    }
+
+    fn new(document: &Document, task: &Task, registry: &Registry) -> Result<Self, ReadError> {
+        let place = Place { base: document.base() };
+        let mut scene = Self {
+            sensors: vec![],
+            truths: vec![],
+            cameras: vec![],
+            shapes: BTreeMap::new(),
+            appearances: BTreeMap::new(),
+        };
+        for (k, model) in task.models.iter().enumerate() {
+            let shape = registry.build::<Shapes>(node(document, &format!("models.{k}.shape"))?, place)?;
+            scene.shapes.insert(model.name.clone(), shape);
+            let appearance = match document.root().at(&format!("models.{k}.appearance")) {
+                Some(node) => registry.build::<Appearances>(node, place)?,
+                None => AppearanceProduct::Unknown,
+            };
+            scene.appearances.insert(model.name.clone(), appearance);
+        }
+        let mut simulated = BTreeMap::new();
+        for (k, section) in task.sensors.iter().enumerate() {
+            let at = node(document, &format!("sensors.{k}"))?;
+            let camera = section.camera.as_ref().map(|c| c.camera()).transpose();
+            let camera = camera.map_err(|e| crate::registry::located(e, at.get("camera").unwrap_or(at)))?;
+            let context = SensorContext {
+                place,
+                id: SensorId(k as u32),
+                section,
+                seed: task.seed.into(),
+                camera: camera.as_ref(),
+                shapes: &scene.shapes,
+            };
+            let product = registry.build::<Sensors>(at, context)?;
+            scene.sensors.push(product.sensor);
+            scene.cameras.push(camera);
+            simulated.extend(product.truth.map(|t| (section.name.clone(), t)));
+        }
+        for k in 0..task.targets.len() {
+            let truth = document.root().at(&format!("targets.{k}.truth"));
+            let context = TruthContext { place, simulated: &simulated };
+            scene.truths.push(truth.map(|node| registry.build::<Truths>(node, context)).transpose()?);
+        }
+        Ok(scene)
+    }
+
+    /// Builds the tracking loop. The priors may depend on the first frames.
+    ///
+    /// # Errors
+    /// [`TaskErrors`].
+    pub fn tracking(
+        &self,
+        document: &Document,
+        task: &Task,
+        registry: &Registry,
+        first_frames: &[Frame],
+    ) -> Result<TrackingLoop, TaskErrors> {
+        let mut targets = vec![];
+        let mut processing = vec![];
+        for (index, target) in task.targets.iter().enumerate() {
+            let context = TargetContext { registry, document, task, scene: self, index, first_frames };
+            let built = context.build(target).map_err(|e| document.error(e))?;
+            targets.push(built.target);
+            processing.extend(built.processing);
+        }
+        let mut tracking = TrackingLoop::new(targets);
+        processing.into_iter().for_each(|unit| tracking.add_processing(unit));
+        Ok(tracking)
+    }
+
+    /// An empty summary of the targets.
+    pub fn summary(&self, task: &Task) -> Summary {
+        Summary::new(task.targets.iter().zip(&self.truths).map(|(t, truth)| (t.name.clone(), truth.clone())))
+    }
+
+    /// Opens the outputs in `folder`.
+    ///
+    /// # Errors
+    /// [`TaskErrors`] when something cannot be written.
+    pub fn outputs(
+        &self,
+        document: &Document,
+        task: &Task,
+        registry: &Registry,
+        folder: &Path,
+        header: &Header,
+    ) -> Result<Vec<Box<dyn Output>>, TaskErrors> {
+        let targets: Vec<String> = task.targets.iter().map(|t| t.name.clone()).collect();
+        let summary = self.summary(task);
+        let context = OutputContext {
+            folder,
+            targets: &targets,
+            sensors: &task.sensors,
+            cameras: &self.cameras,
+            header,
+            summary: &summary,
+        };
+        let build = |k: usize| {
+            let node = node(document, &format!("outputs.{k}"))?;
+            registry.build::<Outputs>(node, context)
+        };
+        let built: Result<_, ReadError> = (0..task.outputs.len()).map(build).collect();
+        built.map_err(|e| document.error(e).into())
+    }
+}
+
+fn node<'a>(document: &'a Document, path: &str) -> Result<&'a Node, ReadError> {
+    let root = document.root();
+    root.at(path).ok_or_else(|| {
+        let key = path.rsplit('.').next().unwrap_or(path).to_owned();
+        ReadError::at(Problem::MissingKey { key }, root.deepest(path).span)
+    })
+}
+
+impl TargetContext<'_> {
+    fn build(&self, target: &TargetSection) -> Result<BuiltTarget, ReadError> {
+        let kind =
+            self.task.models.iter().find(|m| m.name == target.model).map_or("", |m| m.warp.kind.as_str());
+        let listings = self.registry.listings();
+        let warp = listings.iter().find(|l| l.key == "warp" && l.kind == kind);
+        let space = warp.and_then(|l| l.spaces.first().copied()).unwrap_or("");
+        let builder = self.registry.target_builder(space).ok_or_else(|| {
+            let problem = Problem::Mismatch {
+                found: format!("warp `{kind}` of pose space {space}"),
+                expected: "a pose space that the registry can build targets of".into(),
+            };
+            ReadError::at(problem, self.document.root().deepest(&format!("targets.{}", self.index)).span)
+        })?;
+        builder(self)
+    }
+
+    fn place(&self) -> Place<'_> {
+        Place { base: self.document.base() }
+    }
+
+    fn optional<'a, R: Role>(
+        &self,
+        key: &str,
+        context: R::Context<'a>,
+    ) -> Result<Option<R::Product>, ReadError> {
+        let path = format!("targets.{}.{key}", self.index);
+        self.document.root().at(&path).map(|node| self.registry.build::<R>(node, context)).transpose()
+    }
+}
+
+/// Without a loss detector a target counts as tracked.
+struct NeverLost;
+
+impl LossDetector for NeverLost {
+    fn assess(&mut self, _: &Assessment) -> Verdict {
+        Verdict::default()
+    }
+    fn reset(&mut self) {}
+}
+
+/// Builds a target of the pose space `P`.
+pub(crate) fn build_target<P: Coordinates>(c: &TargetContext<'_>) -> Result<BuiltTarget, ReadError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    let (registry, document, task) = (c.registry, c.document, c.task);
+    let section = &task.targets[c.index];
+    let path = format!("targets.{}", c.index);
+    let model = task.models.iter().position(|m| m.name == section.model).unwrap_or(0);
+    let freedom: Freedom =
+        registry.build::<Warps<P>>(node(document, &format!("models.{model}.warp"))?, ())?;
+    let sensor_of = |name: &str| task.sensors.iter().position(|s| s.name == name).unwrap_or(0);
+
+    let mut sensors = vec![];
+    let mut modalities = vec![];
+    let mut processing = vec![];
+    for (k, modality) in section.modalities.iter().enumerate() {
+        let index = sensor_of(&modality.sensor);
+        let context = ModalityContext {
+            place: c.place(),
+            sensor: SensorId(index as u32),
+            camera: c.scene.cameras[index].as_ref(),
+            level: modality.level,
+            shape: &c.scene.shapes[&section.model],
+            appearance: &c.scene.appearances[&section.model],
+            freedom: &freedom,
+        };
+        let built =
+            registry.build::<Modalities<P>>(node(document, &format!("{path}.modalities.{k}"))?, context)?;
+        if !sensors.contains(&context.sensor) {
+            sensors.push(context.sensor);
+        }
+        modalities.push(built.modality);
+        processing.extend(built.processing);
+    }
+
+    let frames = c.first_frames;
+    let first = frames.iter().find(|f| sensors.contains(&f.sensor)).or(frames.first());
+    let init = InitContext {
+        place: c.place(),
+        truth: c.scene.truths[c.index].as_ref(),
+        first_frame: first.map_or(0, |f| f.number),
+        freedom: &freedom,
+    };
+    let prior: Gaussian<P> = registry.build::<Inits<P>>(node(document, &format!("{path}.init"))?, init)?;
+    let motion =
+        registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
+    let context =
+        EstimatorContext { motion, prior: prior.clone(), seed: task.seed.into(), target: c.index as u64 };
+    let estimator =
+        registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
+    let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
+    let reinitializer = c.optional::<Reinits<P>>("reinit", &prior)?;
+    c.optional::<Fusions>("fusion", ())?;
+
+    // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.
+    let n = prior.mean.dim();
+    let scale = Tangent::<P>::from_fn_generic(n, U1, |k, _| {
+        let deviation = prior.covariance[(k, k)].sqrt();
+        if deviation > 0.0 { deviation } else { 1.0 }
+    });
+    let target =
+        Target::new(section.name.clone(), sensors, modalities, estimator, loss, reinitializer, scale);
+    Ok(BuiltTarget { target: Box::new(target), processing })
+}

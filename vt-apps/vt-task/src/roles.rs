@@ -1,0 +1,316 @@
+//! The roles for which a task chooses methods (classes of the paper's Fig. 2), with what each builds and from what.
+//!
+//! Roles that know poses are generic over the pose space; [`crate::registry::Method`]s are registered once for each
+//! space they are made for.
+
+use core::marker::PhantomData;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{DefaultAllocator, DimAdd, DimSum};
+use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
+use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
+use vt_core::evidence::Processing;
+use vt_core::frame::SensorId;
+use vt_core::manifold::{Alloc, Coordinates, Manifold, Square, Tangent};
+use vt_core::measurement::Modality;
+use vt_core::time::Seconds;
+use vt_io::report::Header;
+use vt_io::summary::Summary;
+use vt_io::truth::Truth;
+use vt_models::camera::Camera;
+use vt_models::mesh::Shape;
+
+use crate::language::{FilePath, Level, SensorSection};
+use crate::registry::Role;
+
+/// Declares a role whose methods do not know poses.
+macro_rules! plain_roles {
+    ($($(#[$doc:meta])* $role:ident, $name:literal, $key:literal, $product:ty, $context:ty;)+) => {$(
+        $(#[$doc])*
+        pub struct $role;
+        impl Role for $role {
+            const NAME: &'static str = $name;
+            const KEY: &'static str = $key;
+            type Product = $product;
+            type Context<'a> = $context;
+        }
+    )+};
+}
+
+plain_roles! {
+    /// Where frames come from.
+    Sensors, "sensor", "sensor", SensorProduct, SensorContext<'a>;
+    /// Ground shape of a model.
+    Shapes, "shape", "shape", Shape, Place<'a>;
+    /// What a model's surface looks like.
+    Appearances, "appearance", "appearance", AppearanceProduct, Place<'a>;
+    /// True poses of a target.
+    Truths, "truth", "truth", Truth, TruthContext<'a>;
+    /// How measurements are given to targets.
+    Association, "association", "association", AssociationProduct, ();
+    /// How several measurements of a target become one.
+    Fusions, "fusion", "fusion", FusionProduct, ();
+    /// How loss is noticed.
+    Losses, "loss detector", "loss", Box<dyn LossDetector>, ();
+    /// What is written.
+    Outputs, "output", "output", Box<dyn Output>, OutputContext<'a>;
+}
+
+/// Declares a role whose methods are made for a pose space `P`.
+macro_rules! pose_roles {
+    ($($(#[$doc:meta])* $role:ident, $name:literal, $key:literal, $product:ty, $context:ty;)+) => {$(
+        $(#[$doc])*
+        pub struct $role<P>(PhantomData<fn() -> P>);
+        impl<P: Coordinates> Role for $role<P>
+        where
+            DefaultAllocator: Alloc<P::D>,
+        {
+            const NAME: &'static str = $name;
+            const KEY: &'static str = $key;
+            const SPACE: Option<&'static str> = Some(P::SPACE);
+            type Product = $product;
+            type Context<'a> = $context;
+        }
+    )+};
+}
+
+pose_roles! {
+    /// Pose space and projection.
+    Warps, "warp", "warp", Freedom, ();
+    /// Prior of the first frame.
+    Inits, "init", "init", Gaussian<P>, InitContext<'a>;
+    /// What is measured.
+    Modalities, "modality", "modality", ModalityProduct<P>, ModalityContext<'a>;
+    /// What is tried after a loss.
+    Reinits, "re-initialiser", "reinit", Box<dyn Reinitializer<P>>, &'a Gaussian<P>;
+}
+
+/// Motion model.
+pub struct Motions<P>(PhantomData<fn() -> P>);
+
+impl<P: Coordinates> Role for Motions<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    const NAME: &'static str = "dynamics";
+    const KEY: &'static str = "dynamics";
+    const SPACE: Option<&'static str> = Some(P::SPACE);
+    type Product = Motion<P>;
+    type Context<'a> = &'a Freedom;
+}
+
+/// The filter.
+pub struct Estimators<P>(PhantomData<fn() -> P>);
+
+impl<P: Coordinates> Role for Estimators<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    const NAME: &'static str = "estimator";
+    const KEY: &'static str = "estimator";
+    const SPACE: Option<&'static str> = Some(P::SPACE);
+    type Product = Box<dyn Estimator<P>>;
+    type Context<'a> = EstimatorContext<P>;
+}
+
+/// A motion model of any kind for a state of one of three kinds, with the a-priori deviations of the derivatives.
+pub enum Motion<P: Manifold>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    /// The state is the pose.
+    Pose(Chosen<P>),
+    /// The state is the pose with its velocity.
+    Moving(Chosen<Moving<P>>, Vec<Tangent<P>>),
+    /// The state is the pose with velocity and acceleration.
+    Accelerating(Chosen<Accelerating<P>>, Vec<Tangent<P>>),
+}
+
+/// The motion model that a task chose, as one that generic filters take: one virtual call a step.
+pub struct Chosen<S: Manifold>(pub Box<dyn Dynamics<S>>)
+where
+    DefaultAllocator: Alloc<S::D>;
+
+impl<S: Manifold> Dynamics<S> for Chosen<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn propagate(&self, state: &S, dt: Seconds) -> S {
+        self.0.propagate(state, dt)
+    }
+    fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {
+        self.0.jacobian(state, dt)
+    }
+    fn noise(&self, state: &S, dt: Seconds) -> Square<S> {
+        self.0.noise(state, dt)
+    }
+    fn noise_root(&self, state: &S, dt: Seconds) -> Square<S> {
+        self.0.noise_root(state, dt)
+    }
+}
+
+/// What an estimator is built from.
+pub struct EstimatorContext<P: Manifold>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    /// Motion model of the target's model.
+    pub motion: Motion<P>,
+    /// Prior of the first frame.
+    pub prior: Gaussian<P>,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Number of the target, which keeps the random numbers of targets apart.
+    pub target: u64,
+}
+
+/// Which degrees of freedom of a pose space are free, in tangent order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Freedom(pub Vec<bool>);
+
+impl Freedom {
+    /// The value of a coordinate where it is free, zero where it is locked.
+    pub fn mask(&self, k: usize, value: f64) -> f64 {
+        if self.0.get(k).copied().unwrap_or(true) { value } else { 0.0 }
+    }
+}
+
+/// How several measurements of a target become one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FusionProduct {
+    /// Independent measurements are stacked before the estimator.
+    Stacked,
+}
+
+/// A modality with the processing units that it asks for.
+pub struct ModalityProduct<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// The modality.
+    pub modality: Box<dyn Modality<P>>,
+    /// Units that make the evidence it needs; equal ones of several modalities run once.
+    pub processing: Vec<Box<dyn Processing>>,
+}
+
+/// What a modality is built from.
+#[derive(Clone, Copy)]
+pub struct ModalityContext<'a> {
+    /// For files.
+    pub place: Place<'a>,
+    /// Number of its sensor.
+    pub sensor: SensorId,
+    /// Intrinsic parameters of its sensor, where it is calibrated.
+    pub camera: Option<&'a Camera>,
+    /// Level at which it is to measure.
+    pub level: Level,
+    /// Shape of the target's model.
+    pub shape: &'a Shape,
+    /// Appearance of the target's model.
+    pub appearance: &'a AppearanceProduct,
+    /// Free and locked degrees of freedom.
+    pub freedom: &'a Freedom,
+}
+
+/// Where files named in a task are looked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Folder that relative paths start from.
+    pub base: &'a Path,
+}
+
+impl Place<'_> {
+    /// The path of a file of the task.
+    pub fn resolve(&self, file: &FilePath) -> PathBuf {
+        self.base.join(&file.0)
+    }
+}
+
+/// What a sensor is built from.
+pub struct SensorContext<'a> {
+    /// For its files.
+    pub place: Place<'a>,
+    /// Its number in the run.
+    pub id: SensorId,
+    /// Its section of the task.
+    pub section: &'a SensorSection,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Its camera, where it is calibrated.
+    pub camera: Option<&'a Camera>,
+    /// Shapes of the task's models, for simulation.
+    pub shapes: &'a BTreeMap<String, Shape>,
+}
+
+/// A sensor, and the true poses that only a simulated one knows.
+pub struct SensorProduct {
+    /// The sensor.
+    pub sensor: Box<dyn Sensor>,
+    /// True poses of the model with this name.
+    pub truth: Option<(String, Truth)>,
+}
+
+/// Appearance of a model's surface.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum AppearanceProduct {
+    /// Nothing is known of it.
+    Unknown,
+}
+
+/// How measurements are given to targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AssociationProduct {
+    /// Each target measures for itself.
+    OneToOne,
+}
+
+/// What true poses are built from.
+#[derive(Clone, Copy)]
+pub struct TruthContext<'a> {
+    /// For files.
+    pub place: Place<'a>,
+    /// Truth of the simulated sensors by name, each with the model that it shows.
+    pub simulated: &'a BTreeMap<String, (String, Truth)>,
+}
+
+/// What a prior is built from.
+#[derive(Clone, Copy)]
+pub struct InitContext<'a> {
+    /// For files.
+    pub place: Place<'a>,
+    /// True poses of the target.
+    pub truth: Option<&'a Truth>,
+    /// Number of the first frame.
+    pub first_frame: u64,
+    /// Free and locked degrees of freedom; locked ones have no uncertainty.
+    pub freedom: &'a Freedom,
+}
+
+/// What an output is built from.
+#[derive(Clone, Copy)]
+pub struct OutputContext<'a> {
+    /// Folder for results.
+    pub folder: &'a Path,
+    /// Names of the targets in order.
+    pub targets: &'a [String],
+    /// Sensors in order.
+    pub sensors: &'a [SensorSection],
+    /// Cameras of the sensors, where they are calibrated.
+    pub cameras: &'a [Option<Camera>],
+    /// Heading of reports.
+    pub header: &'a Header,
+    /// An empty summary with the truth of the targets.
+    pub summary: &'a Summary,
+}

@@ -1,0 +1,150 @@
+//! The modality `edges`: model contour against image edges.
+
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vt_core::error::ConfigError;
+use vt_core::lie::SE3;
+use vt_models::edges::{EdgeModel, EdgeOptions};
+use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptions};
+use vt_models::warp::Se3Warp;
+use vt_vision::edge::{self, EdgeModality, EdgeParams};
+
+use crate::quantity::{Angle, Pixels};
+use crate::registry::Params;
+use crate::roles::{ModalityContext, ModalityProduct};
+
+/// How many edges on a search line may compete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hypotheses {
+    /// The edge nearest to the prediction.
+    Single,
+    /// All edges on the line, weighted softly.
+    Multiple,
+}
+
+/// Parameters of the modality `edges`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Edges {
+    /// Competing edges on a search line.
+    pub hypotheses: Hypotheses,
+    /// Smallest step in grey levels that counts as an edge.
+    pub min_contrast: f64,
+    /// Most edges kept on a search line.
+    pub max_candidates: usize,
+    /// Shortest and longest half range of the search along a normal; between them the predicted uncertainty decides.
+    pub range: [Pixels; 2],
+    /// Deviation of the localisation of an edge point.
+    pub sigma: Pixels,
+    /// Probability that a visible contour point gives no edge.
+    pub miss_probability: f64,
+    /// Clutter edges per pixel of search line.
+    pub clutter_density: f64,
+    /// Distance along a contour over which errors are correlated.
+    pub correlation_length: Pixels,
+    /// Most searches per frame.
+    pub searches: usize,
+    /// Gauss–Newton steps after each search.
+    pub iterations: usize,
+    /// Most pyramid levels above the full picture.
+    pub coarse_levels: u32,
+    /// Divisor of the log-likelihood at pixel level.
+    pub temperature: f64,
+    /// Distance of sites along a visible edge.
+    pub step: Pixels,
+    /// Most sites.
+    pub max_sites: usize,
+    /// Smallest angle between two faces whose edge is looked for.
+    pub crease_angle: Angle,
+}
+
+fn pixels(v: f64) -> Pixels {
+    // A finite number of a known unit always is a quantity.
+    Pixels::new(v, "px").unwrap_or_default()
+}
+
+impl Default for Edges {
+    fn default() -> Self {
+        let (p, v) = (EdgeParams::default(), VisibilityOptions::default());
+        Self {
+            hypotheses: match p.hypotheses {
+                edge::Hypotheses::Single => Hypotheses::Single,
+                edge::Hypotheses::Multiple => Hypotheses::Multiple,
+            },
+            min_contrast: p.min_contrast,
+            max_candidates: p.max_candidates,
+            range: p.range.map(pixels),
+            sigma: pixels(p.sigma),
+            miss_probability: p.miss_probability,
+            clutter_density: p.clutter_density,
+            correlation_length: pixels(p.correlation_length),
+            searches: p.searches,
+            iterations: p.iterations,
+            coarse_levels: p.coarse_levels,
+            temperature: p.temperature,
+            step: pixels(v.step),
+            max_sites: v.max_sites,
+            crease_angle: Angle::new(EdgeOptions::default().crease_angle, "rad").unwrap_or_default(),
+        }
+    }
+}
+
+impl Edges {
+    fn params(&self, level: vt_core::measurement::Level) -> Result<EdgeParams, ConfigError> {
+        EdgeParams {
+            level,
+            hypotheses: match self.hypotheses {
+                Hypotheses::Single => edge::Hypotheses::Single,
+                Hypotheses::Multiple => edge::Hypotheses::Multiple,
+            },
+            min_contrast: self.min_contrast,
+            max_candidates: self.max_candidates,
+            range: self.range.map(|r| r.si()),
+            sigma: self.sigma.si(),
+            miss_probability: self.miss_probability,
+            clutter_density: self.clutter_density,
+            correlation_length: self.correlation_length.si(),
+            searches: self.searches,
+            iterations: self.iterations,
+            coarse_levels: self.coarse_levels,
+            temperature: self.temperature,
+        }
+        .check()
+    }
+}
+
+impl Params for Edges {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.step.si() < 1.0 {
+            return Err(ConfigError::parameter("step", self.step, "at least 1 px"));
+        }
+        if self.max_sites == 0 {
+            return Err(ConfigError::parameter("max_sites", 0, "at least 1 site"));
+        }
+        if !(self.crease_angle.si() > 0.0 && self.crease_angle.si() < core::f64::consts::PI) {
+            return Err(ConfigError::parameter("crease_angle", self.crease_angle, "an angle between 0 and 180 deg"));
+        }
+        self.params(vt_core::measurement::Level::Feature).map(drop)
+    }
+}
+
+pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityProduct<SE3>, ConfigError> {
+    let mismatch = |found: String, expected: &str| ConfigError::Mismatch { found, expected: expected.into() };
+    let camera = *context.camera.ok_or_else(|| mismatch("an uncalibrated sensor".into(), "a calibrated one"))?;
+    let mesh = context.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
+    let options = EdgeOptions { crease_angle: p.crease_angle.si(), ..EdgeOptions::default() };
+    let model = EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
+    let visibility =
+        VisibilityOptions { step: p.step.si(), max_sites: p.max_sites, ..VisibilityOptions::default() };
+    let diameter = mesh.diameter();
+    let cache = ViewCache::new(visibility, ViewThresholds::default());
+    let view = MeshView::new(Arc::new(mesh), Arc::new(model), camera, cache);
+    let free = core::array::from_fn(|k| context.freedom.0.get(k).copied().unwrap_or(true));
+    let warp = Se3Warp::new(camera).with_free(free);
+    let params = p.params(context.level.into())?;
+    let modality = EdgeModality::new(params, context.sensor, warp, view, diameter);
+    Ok(ModalityProduct { modality: Box::new(modality), processing: vec![] })
+}

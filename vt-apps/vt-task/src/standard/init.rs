@@ -1,0 +1,153 @@
+//! Priors of the first frame for rigid bodies, and where to try again after a loss.
+
+use nalgebra::Vector6;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vt_core::agent::Reinitializer;
+use vt_core::belief::Gaussian;
+use vt_core::error::ConfigError;
+use vt_core::lie::SE3;
+use vt_fusion::reinitialization::PriorPoses;
+use vt_io::truth::read_pose;
+
+use crate::geometry::PoseText;
+use crate::language::FilePath;
+use crate::quantity::{Angle, Length};
+use crate::registry::Params;
+use crate::roles::InitContext;
+
+/// Deviations of a prior pose, the same for all axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sigma {
+    /// Of each coordinate of the translation.
+    pub translation: Length,
+    /// Of each coordinate of the rotation vector.
+    pub rotation: Angle,
+}
+
+impl Sigma {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.translation.si() <= 0.0 {
+            return Err(ConfigError::parameter("sigma.translation", self.translation, "a positive length"));
+        }
+        if self.rotation.si() <= 0.0 {
+            return Err(ConfigError::parameter("sigma.rotation", self.rotation, "a positive angle"));
+        }
+        Ok(())
+    }
+
+    fn around(&self, mean: SE3, context: &InitContext<'_>) -> Gaussian<SE3> {
+        let value = |k| if k < 3 { self.translation.si() } else { self.rotation.si() };
+        Gaussian::from_sigmas(mean, &Vector6::from_fn(|k, _| context.freedom.mask(k, value(k))))
+    }
+}
+
+/// Parameters of the init `pose`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitPose {
+    /// The pose.
+    pub camera_from_object: PoseText,
+    /// Its uncertainty.
+    pub sigma: Sigma,
+}
+
+impl Params for InitPose {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.camera_from_object.pose()?;
+        self.sigma.check()
+    }
+}
+
+/// Parameters of the init `file`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitFile {
+    /// File with camera_from_object in metres and radians: translation and rotation vector (6 numbers), translation
+    /// and quaternion (7, or 8 with a frame before), or a matrix (12 or 16).
+    pub path: FilePath,
+    /// Its uncertainty.
+    pub sigma: Sigma,
+}
+
+impl Params for InitFile {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.sigma.check()
+    }
+    fn files(&self) -> Vec<(String, FilePath)> {
+        vec![("path".into(), self.path.clone())]
+    }
+}
+
+/// Parameters of the init `truth`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitTruth {
+    /// Error that is put on the true pose: init = truth · offset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<PoseText>,
+    /// Its uncertainty.
+    pub sigma: Sigma,
+}
+
+impl Params for InitTruth {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.offset.as_ref().map_or(Ok(()), |o| o.pose().map(drop))?;
+        self.sigma.check()
+    }
+}
+
+pub(super) fn pose(p: InitPose, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
+    Ok(p.sigma.around(p.camera_from_object.pose()?, &context))
+}
+
+pub(super) fn file(p: InitFile, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
+    let pose = read_pose(&context.place.resolve(&p.path))
+        .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable pose".into() })?;
+    Ok(p.sigma.around(pose, &context))
+}
+
+pub(super) fn truth(p: InitTruth, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
+    let found = match context.truth {
+        None => "a target without `truth`".to_owned(),
+        Some(_) => format!("truth without frame {}", context.first_frame),
+    };
+    let truth = context.truth.and_then(|t| t.0.get(&context.first_frame)).ok_or(ConfigError::Mismatch {
+        found,
+        expected: format!("the true pose of frame {}, the first one", context.first_frame),
+    })?;
+    let offset = p.offset.unwrap_or_default().pose()?;
+    Ok(p.sigma.around(*truth * offset, &context))
+}
+
+/// Parameters of the re-initialiser `prior`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReinitPrior {
+    /// Factor on the deviations of the last trusted pose, which is tried first; 0 leaves it out.
+    pub last_trusted: f64,
+}
+
+impl Default for ReinitPrior {
+    fn default() -> Self {
+        Self { last_trusted: 3.0 }
+    }
+}
+
+impl Params for ReinitPrior {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.last_trusted < 0.0 {
+            return Err(ConfigError::parameter("last_trusted", self.last_trusted, "a number from 0"));
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn prior(
+    p: ReinitPrior,
+    prior: &Gaussian<SE3>,
+) -> Result<Box<dyn Reinitializer<SE3>>, ConfigError> {
+    let last_trusted = (p.last_trusted > 0.0).then_some(p.last_trusted);
+    Ok(Box::new(PriorPoses { priors: vec![prior.clone()], last_trusted }))
+}

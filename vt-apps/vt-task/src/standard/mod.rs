@@ -1,0 +1,111 @@
+//! The methods of this project; adding one is one line here.
+
+pub mod edges;
+pub mod estimator;
+pub mod init;
+pub mod loss;
+pub mod motion;
+pub mod output;
+pub mod sensor;
+pub mod shape;
+pub mod simulation;
+pub mod truth;
+pub mod warp;
+
+use vt_core::error::ConfigError;
+use vt_core::lie::SE3;
+
+use crate::language::Level::{Feature, Object, Pixel};
+use crate::language::Picture;
+use crate::registry::{Method, NoParams, Registry};
+use crate::roles::{
+    AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, FusionProduct, Fusions,
+    Inits, Losses,
+    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+};
+
+impl Registry {
+    /// All methods of this project.
+    pub fn standard() -> Self {
+        Self::empty()
+            .with_space::<SE3>()
+            .with(Method::<Sensors>::new(
+                "images",
+                "pictures of a folder or by a numbered pattern",
+                sensor::images,
+            ))
+            .with(Method::<Sensors>::new(
+                "simulated",
+                "a drawn scene with known poses",
+                simulation::simulated,
+            ))
+            .with(Method::<Shapes>::new("mesh", "parts from VRML 97, OBJ or CAO files", shape::mesh))
+            .with(Method::<Shapes>::new(
+                "bracket",
+                "three cubic cells in an L, made in code",
+                simulation::bracket,
+            ))
+            .with(Method::<Appearances>::new("unknown", "nothing is known of the surface", unknown))
+            .with(Method::<Warps<SE3>>::new("se3", "rigid body before a calibrated camera", warp::rigid))
+            .with(Method::<Motions<SE3>>::new("brownian", "random walk of the pose", motion::brownian))
+            .with(Method::<Motions<SE3>>::new("constant-velocity", "white acceleration", motion::velocity))
+            .with(Method::<Motions<SE3>>::new("constant-acceleration", "white jerk", motion::acceleration))
+            .with(Method::<Inits<SE3>>::new("pose", "a pose written in the task", init::pose))
+            .with(Method::<Inits<SE3>>::new("file", "a pose from a file", init::file))
+            .with(Method::<Inits<SE3>>::new("truth", "the true pose of the first frame", init::truth))
+            .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
+            .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
+            .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
+            .with(
+                Method::<Modalities<SE3>>::new("edges", "model contour against image edges", edges::edges)
+                    .levels(&[Pixel, Feature, Object])
+                    .picture(Picture::Grey)
+                    .calibrated(),
+            )
+            .with(
+                Method::<Fusions>::new("stacked", "static: independent measurements are stacked", stacked)
+                    .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
+                    "kalman",
+                    "extended or iterated Kalman filter",
+                    estimator::kalman,
+                )
+                .levels(&[Feature, Object]),
+            )
+            .with(Method::<Losses>::new(
+                "fused",
+                "support, surprise and spread in one probability",
+                loss::fused,
+            ))
+            .with(Method::<Losses>::new("covariance", "the paper's test of the covariance", loss::covariance))
+            .with(Method::<Reinits<SE3>>::new("prior", "the last trusted pose, then the prior", init::prior))
+            .with(Method::<Association>::new("one-to-one", "each target measures for itself", one_to_one))
+            .with(Method::<Outputs>::new("poses", "poses.tum: frame, position, quaternion", output::poses))
+            .with(Method::<Outputs>::new(
+                "covariances",
+                "covariances.csv: frame and 21 values",
+                output::covariances,
+            ))
+            .with(Method::<Outputs>::new("steps", "steps.jsonl: all that a step knows", output::steps))
+            .with(Method::<Outputs>::new("report", "report.json: conditions, errors, time", output::report))
+            .with(Method::<Outputs>::new(
+                "overlays",
+                "pictures with model, measurements, state",
+                output::overlays,
+            ))
+    }
+}
+
+fn unknown(_: NoParams, _: Place<'_>) -> Result<AppearanceProduct, ConfigError> {
+    Ok(AppearanceProduct::Unknown)
+}
+
+fn stacked(_: NoParams, _: ()) -> Result<FusionProduct, ConfigError> {
+    Ok(FusionProduct::Stacked)
+}
+
+fn one_to_one(_: NoParams, _: ()) -> Result<AssociationProduct, ConfigError> {
+    Ok(AssociationProduct::OneToOne)
+}

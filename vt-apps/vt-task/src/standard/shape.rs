@@ -1,0 +1,85 @@
+//! Ground shapes.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vt_core::error::ConfigError;
+use vt_models::loaders::load_mesh;
+use vt_models::mesh::{Shape, Unit};
+
+use crate::geometry::PoseText;
+use crate::language::FilePath;
+use crate::registry::Params;
+use crate::roles::Place;
+
+/// Length unit of the coordinates of a model file. Files do not say it, so the task must.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum FileUnit {
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Centimetre.
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Inch.
+    #[serde(rename = "in")]
+    Inch,
+}
+
+/// A rigid part of a shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartFile {
+    /// VRML 97, OBJ or CAO file.
+    pub file: FilePath,
+    /// Length unit of the file.
+    pub unit: FileUnit,
+    /// Where the part sits in the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object_from_part: Option<PoseText>,
+}
+
+/// Parameters of the shape `mesh`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFiles {
+    /// The parts.
+    pub parts: Vec<PartFile>,
+}
+
+impl Params for MeshFiles {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.parts.is_empty() {
+            return Err(ConfigError::parameter("parts", "no part", "at least one part"));
+        }
+        self.parts.iter().filter_map(|p| p.object_from_part.as_ref()).try_for_each(|p| p.pose().map(drop))
+    }
+
+    fn files(&self) -> Vec<(String, FilePath)> {
+        self.parts.iter().enumerate().map(|(k, p)| (format!("parts.{k}.file"), p.file.clone())).collect()
+    }
+}
+
+/// Builds the shape `mesh`.
+pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Shape, ConfigError> {
+    let mut shape = Shape::default();
+    for part in &p.parts {
+        let path = place.resolve(&part.file);
+        let unit = match part.unit {
+            FileUnit::Metre => Unit::Metre,
+            FileUnit::Centimetre => Unit::Centimetre,
+            FileUnit::Millimetre => Unit::Millimetre,
+            FileUnit::Inch => Unit::Inch,
+        };
+        let mesh = load_mesh(&path, unit).map_err(|e| ConfigError::Mismatch {
+            found: e.to_string(),
+            expected: "a readable model file".into(),
+        })?;
+        let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let pose = part.object_from_part.clone().unwrap_or_default().pose()?;
+        shape = shape.with(&name, mesh, pose);
+    }
+    Ok(shape)
+}

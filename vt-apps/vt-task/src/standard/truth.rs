@@ -1,0 +1,57 @@
+//! True poses.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vt_core::error::{ConfigError, DeviceError};
+use vt_io::truth::Truth;
+
+use crate::language::FilePath;
+use crate::registry::{Params, Reference, Referent};
+use crate::roles::TruthContext;
+
+/// Parameters of the truths `tum` and `matrices`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TruthFile {
+    /// File or folder.
+    pub path: FilePath,
+}
+
+impl Params for TruthFile {
+    fn files(&self) -> Vec<(String, FilePath)> {
+        vec![("path".into(), self.path.clone())]
+    }
+}
+
+/// Parameters of the truth `simulated`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatedTruth {
+    /// Name of the simulated sensor.
+    pub sensor: String,
+}
+
+impl Params for SimulatedTruth {
+    fn names(&self) -> Vec<Reference> {
+        vec![Reference { key: "sensor", to: Referent::Sensor, name: self.sensor.clone() }]
+    }
+}
+
+fn unreadable(e: DeviceError) -> ConfigError {
+    ConfigError::Mismatch { found: e.to_string(), expected: "readable poses".into() }
+}
+
+pub(super) fn tum(p: TruthFile, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
+    Truth::read_tum(&context.place.resolve(&p.path)).map_err(unreadable)
+}
+
+pub(super) fn matrices(p: TruthFile, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
+    Truth::read_matrices(&context.place.resolve(&p.path)).map_err(unreadable)
+}
+
+pub(super) fn simulated(p: SimulatedTruth, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
+    context.simulated.get(&p.sensor).map(|(_, truth)| truth.clone()).ok_or_else(|| ConfigError::Mismatch {
+        found: format!("sensor `{}`, which knows no truth", p.sensor),
+        expected: "a sensor of kind `simulated`".into(),
+    })
+}

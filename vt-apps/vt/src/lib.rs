@@ -1,0 +1,6 @@
+#![doc = include_str!("../README.md")]
+
+pub mod interrupt;
+pub mod progress;
+pub mod run;
+pub mod verdict;

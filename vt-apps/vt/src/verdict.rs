@@ -1,0 +1,33 @@
+//! The figures of a run as a few lines of text.
+
+use core::fmt::Write;
+
+use vt_io::summary::{Statistics, Summary, TargetSummary};
+
+/// Lines for people: frames, speed, conditions and errors against truth.
+pub fn describe(summary: &Summary) -> String {
+    let mut out = String::new();
+    let (steps, seconds) = (summary.steps, summary.wall.as_secs_f64());
+    let _ = writeln!(out, "{steps} frames in {seconds:.2} s, {:.1} frames/s", summary.frames_per_second());
+    summary.targets.iter().for_each(|t| target(&mut out, t));
+    out
+}
+
+fn target(out: &mut String, t: &TargetSummary) {
+    let [tracking, doubtful, lost] = t.states;
+    let _ = writeln!(out, "target `{}`: tracking {tracking}, doubtful {doubtful}, lost {lost}", t.name);
+    if t.reinitialized > 0 || t.failures > 0 {
+        let _ = writeln!(out, "  re-initialised {}, failures {}", t.reinitialized, t.failures);
+    }
+    if let Some(s) = Statistics::of(&t.seconds) {
+        let _ = writeln!(out, "  tracking alone: {:.2} ms a frame (median)", 1e3 * s.median);
+    }
+    let degrees = 180.0 / core::f64::consts::PI;
+    let rows = [("translation", "mm", 1e3, &t.translation_errors), ("rotation", "deg", degrees, &t.rotation_errors)];
+    for (name, unit, factor, values) in rows {
+        if let Some(s) = Statistics::of(values) {
+            let (mean, max) = (factor * s.mean, factor * s.max);
+            let _ = writeln!(out, "  {name} error: mean {mean:.3} {unit}, max {max:.3} {unit}");
+        }
+    }
+}
