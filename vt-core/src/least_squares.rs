@@ -26,7 +26,7 @@
 use nalgebra::{DefaultAllocator, Dim};
 
 use crate::belief::Gaussian;
-use crate::dynamics::semidefinite_factor;
+use crate::dynamics::pivoted_factor;
 use crate::error::EstimateError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::measurement::{Measurement, NormalEquations};
@@ -296,7 +296,7 @@ where
         if !prior.is_finite() {
             return Err(EstimateError::NotFinite("prior"));
         }
-        let (root, order, rank) = semidefinite_factor(&prior.covariance);
+        let (root, order, rank) = pivoted_factor(&prior.covariance);
         // L a = start ⊟ m, as far as the prior allows.
         let error = prior.mean.local(start);
         let mut at = start.zero();

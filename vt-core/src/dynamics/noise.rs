@@ -7,23 +7,49 @@ use crate::error::ConfigError;
 use crate::manifold::{Alloc, Manifold, Square};
 use crate::time::Seconds;
 
-/// A matrix `L` with `L Lᵀ = m` for a symmetric positive semi-definite `m`; negative eigenvalues from rounding
-/// count as zero. As many columns as the rank are not zero; a diagonal matrix gives its diagonal root.
+/// A lower triangular matrix `L` with `L Lᵀ = m` for a symmetric positive semi-definite `m`: `L_kk > 0`, or column `k`
+/// is zero where coordinate `k` adds nothing to those before; negative eigenvalues from rounding count as zero.
+///
+/// Without pivoting, singular matrices with strong correlations lose digits; where the triangle is not needed, as
+/// for sampling, [`pivoted_root`] keeps them.
 pub fn semidefinite_root<D: Dim>(m: &OMatrix<f64, D, D>) -> OMatrix<f64, D, D>
 where
     DefaultAllocator: Alloc<D>,
 {
-    semidefinite_factor(m).0
+    // A pivot is zero against its own diagonal entry, so that coordinates of very different units do not hide each
+    // other.
+    let n = m.nrows();
+    let mut l = OMatrix::zeros_generic(m.shape_generic().0, m.shape_generic().1);
+    for c in 0..n {
+        let explained: f64 = (0..c).map(|k| l[(c, k)] * l[(c, k)]).sum();
+        let pivot = m[(c, c)] - explained;
+        if pivot <= 1e-13 * m[(c, c)].abs() {
+            continue;
+        }
+        let root = pivot.sqrt();
+        l[(c, c)] = root;
+        for r in c + 1..n {
+            let explained: f64 = (0..c).map(|k| l[(r, k)] * l[(c, k)]).sum();
+            l[(r, c)] = (m[(r, c)] - explained) / root;
+        }
+    }
+    l
 }
 
-/// [`semidefinite_root`], with the order in which its columns were found and their number: row `order[k]` of `L` has
+/// A matrix `L` with `L Lᵀ = m` to full precision for a symmetric positive semi-definite `m`. Not triangular; as many
+/// columns as the rank are not zero, and a diagonal matrix gives its diagonal root.
+pub fn pivoted_root<D: Dim>(m: &OMatrix<f64, D, D>) -> OMatrix<f64, D, D>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    pivoted_factor(m).0
+}
+
+/// [`pivoted_root`], with the order in which its columns were found and their number: row `order[k]` of `L` has
 /// entries in the columns `order[0] … order[k]` only.
 ///
-/// Cholesky with diagonal pivoting, each pivot judged against its own diagonal entry, so that coordinates of very
-/// different units do not hide each other; without pivoting rounding grows without bound on singular matrices.
-pub(crate) fn semidefinite_factor<D: Dim>(
-    m: &OMatrix<f64, D, D>,
-) -> (OMatrix<f64, D, D>, OVector<usize, D>, usize)
+/// Cholesky with diagonal pivoting, each pivot judged against its own diagonal entry.
+pub(crate) fn pivoted_factor<D: Dim>(m: &OMatrix<f64, D, D>) -> (OMatrix<f64, D, D>, OVector<usize, D>, usize)
 where
     DefaultAllocator: Alloc<D>,
 {
