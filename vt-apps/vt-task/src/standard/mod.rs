@@ -20,8 +20,7 @@ use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
     AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, FusionProduct, Fusions,
-    Inits, Losses,
-    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+    Inits, Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
 };
 
 impl Registry {
