@@ -84,8 +84,12 @@ fn main() -> ExitCode {
             print!("{}", explain::table(&registry));
             Ok(())
         }
-        Command::Check { task } => checked(&task, &registry).map(|_| println!("{}: no problems", task.task.display())),
-        Command::Explain { task } => checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry))),
+        Command::Check { task } => {
+            checked(&task, &registry).map(|_| println!("{}: no problems", task.task.display()))
+        }
+        Command::Explain { task } => {
+            checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry)))
+        }
         Command::Run { task, out, threads, max_frames, quiet } => {
             let out = out.unwrap_or_else(|| Path::new("out").join(task.task.file_stem().unwrap_or_default()));
             start(&task, &registry, out, threads, max_frames, quiet)

@@ -154,7 +154,12 @@ mod tests {
     impl Sensor for Clock {
         fn next(&mut self) -> Result<Option<Frame>, DeviceError> {
             let payload = Payload::Vector(vec![]);
-            Ok(self.1.next().map(|t| Frame { sensor: SensorId(self.0), number: 0, time: Timestamp(t), payload }))
+            Ok(self.1.next().map(|t| Frame {
+                sensor: SensorId(self.0),
+                number: 0,
+                time: Timestamp(t),
+                payload,
+            }))
         }
     }
 
@@ -167,7 +172,8 @@ mod tests {
         while let Some(frames) = queue.take(&mut sensors).unwrap() {
             seen.push(frames.iter().map(|f| (f.sensor.0, f.time.0)).collect::<Vec<_>>());
         }
-        let expected: [&[(u32, i64)]; 5] = [&[(0, 0), (1, 0)], &[(0, 10)], &[(1, 15)], &[(0, 20)], &[(0, 30), (1, 30)]];
+        let expected: [&[(u32, i64)]; 5] =
+            [&[(0, 0), (1, 0)], &[(0, 10)], &[(1, 15)], &[(0, 20)], &[(0, 30), (1, 30)]];
         assert_eq!(seen, expected);
     }
 }

@@ -23,7 +23,8 @@ fn target(out: &mut String, t: &TargetSummary) {
         let _ = writeln!(out, "  tracking alone: {:.2} ms a frame (median)", 1e3 * s.median);
     }
     let degrees = 180.0 / core::f64::consts::PI;
-    let rows = [("translation", "mm", 1e3, &t.translation_errors), ("rotation", "deg", degrees, &t.rotation_errors)];
+    let rows =
+        [("translation", "mm", 1e3, &t.translation_errors), ("rotation", "deg", degrees, &t.rotation_errors)];
     for (name, unit, factor, values) in rows {
         if let Some(s) = Statistics::of(values) {
             let (mean, max) = (factor * s.mean, factor * s.max);

@@ -125,7 +125,11 @@ impl Params for Edges {
             return Err(ConfigError::parameter("max_sites", 0, "at least 1 site"));
         }
         if !(self.crease_angle.si() > 0.0 && self.crease_angle.si() < core::f64::consts::PI) {
-            return Err(ConfigError::parameter("crease_angle", self.crease_angle, "an angle between 0 and 180 deg"));
+            return Err(ConfigError::parameter(
+                "crease_angle",
+                self.crease_angle,
+                "an angle between 0 and 180 deg",
+            ));
         }
         self.params(vt_core::measurement::Level::Feature).map(drop)
     }
@@ -133,10 +137,13 @@ impl Params for Edges {
 
 pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityProduct<SE3>, ConfigError> {
     let mismatch = |found: String, expected: &str| ConfigError::Mismatch { found, expected: expected.into() };
-    let camera = *context.camera.ok_or_else(|| mismatch("an uncalibrated sensor".into(), "a calibrated one"))?;
-    let mesh = context.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
+    let camera =
+        *context.camera.ok_or_else(|| mismatch("an uncalibrated sensor".into(), "a calibrated one"))?;
+    let mesh =
+        context.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
     let options = EdgeOptions { crease_angle: p.crease_angle.si(), ..EdgeOptions::default() };
-    let model = EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
+    let model =
+        EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
     let visibility =
         VisibilityOptions { step: p.step.si(), max_sites: p.max_sites, ..VisibilityOptions::default() };
     let diameter = mesh.diameter();

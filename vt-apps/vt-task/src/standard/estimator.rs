@@ -91,13 +91,20 @@ impl Params for Particle {
             return Err(ConfigError::parameter("particles", 0, "at least 1 particle"));
         }
         if !(0.0..=1.0).contains(&self.effective_share) {
-            return Err(ConfigError::parameter("effective_share", self.effective_share, "a number from 0 to 1"));
+            return Err(ConfigError::parameter(
+                "effective_share",
+                self.effective_share,
+                "a number from 0 to 1",
+            ));
         }
         Ok(())
     }
 }
 
-pub(super) fn particle(p: Particle, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+pub(super) fn particle(
+    p: Particle,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
     let resampling = match p.resampling {
         Resampling::Deterministic => resampling::Resampling::Deterministic,
         Resampling::Systematic => resampling::Resampling::Systematic,
@@ -105,7 +112,9 @@ pub(super) fn particle(p: Particle, c: EstimatorContext<SE3>) -> Result<Box<dyn 
     let Particle { particles: count, effective_share, .. } = p;
     let params = ParticleParams { count, resampling, effective_share, seed: c.seed, target: c.target };
     Ok(match c.motion {
-        Motion::Pose(m) => Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, vec![], m, params).map_err(unfit)?),
+        Motion::Pose(m) => {
+            Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, vec![], m, params).map_err(unfit)?)
+        }
         Motion::Moving(m, rest) => {
             Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, rest, m, params).map_err(unfit)?)
         }

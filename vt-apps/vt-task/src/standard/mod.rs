@@ -20,8 +20,7 @@ use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
     AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, FusionProduct, Fusions,
-    Inits, Losses,
-    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+    Inits, Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
 };
 
 impl Registry {
@@ -65,6 +64,14 @@ impl Registry {
             .with(
                 Method::<Fusions>::new("stacked", "static: independent measurements are stacked", stacked)
                     .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
+                    "particle",
+                    "sequential importance resampling",
+                    estimator::particle,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(
                 Method::<Estimators<SE3>>::new(
