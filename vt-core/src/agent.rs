@@ -128,7 +128,7 @@ where
 
     /// A matrix `L` with `L Lᵀ = Q(Δt)`, for sampling: `f(s) ⊞ L n` with standard normal `n`.
     fn noise_root(&self, state: &S, dt: Seconds) -> Square<S> {
-        crate::dynamics::semidefinite_root(&self.noise(state, dt))
+        crate::dynamics::pivoted_root(&self.noise(state, dt))
     }
 }
 

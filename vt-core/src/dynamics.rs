@@ -20,7 +20,8 @@ pub use brownian::Brownian;
 pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::ConstantVelocity;
 pub use custom::Custom;
-pub use noise::{driven_noise, semidefinite_root};
+pub(crate) use noise::pivoted_factor;
+pub use noise::{driven_noise, pivoted_root, semidefinite_root};
 
 #[cfg(test)]
 mod tests;

@@ -26,7 +26,7 @@
 use nalgebra::{DefaultAllocator, Dim};
 
 use crate::belief::Gaussian;
-use crate::dynamics::semidefinite_root;
+use crate::dynamics::pivoted_factor;
 use crate::error::EstimateError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::measurement::{Measurement, NormalEquations};
@@ -296,12 +296,14 @@ where
         if !prior.is_finite() {
             return Err(EstimateError::NotFinite("prior"));
         }
-        let root = semidefinite_root(&prior.covariance);
+        let (root, order, rank) = pivoted_factor(&prior.covariance);
         // L a = start ⊟ m, as far as the prior allows.
-        let mut at = prior.mean.local(start);
-        for r in 0..expected {
-            let known: f64 = (0..r).map(|c| root[(r, c)] * at[c]).sum();
-            at[r] = if root[(r, r)] > 0.0 { (at[r] - known) / root[(r, r)] } else { 0.0 };
+        let error = prior.mean.local(start);
+        let mut at = start.zero();
+        for k in 0..rank {
+            let r = order[k];
+            let known: f64 = (0..k).map(|c| root[(r, order[c])] * at[order[c]]).sum();
+            at[r] = (error[r] - known) / root[(r, r)];
         }
         Ok(Self { prior, root, at })
     }

@@ -1,4 +1,4 @@
-//! Contracts and value types of model-based visual tracking.
+#![doc = include_str!("../README.md")]
 
 pub mod agent;
 pub mod belief;
@@ -6,6 +6,8 @@ pub mod dynamics;
 pub mod error;
 pub mod evidence;
 pub mod frame;
+#[cfg(feature = "laws")]
+pub mod laws;
 pub mod least_squares;
 pub mod lie;
 pub mod manifold;

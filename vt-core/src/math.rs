@@ -72,7 +72,9 @@ pub fn exp_fast(x: f64) -> f64 {
     }
     // x = k ln 2 + r with |r| ≤ ln 2 / 2; the polynomial is the Taylor series of exp on that interval.
     let x = x.clamp(-708.0, 709.0);
-    let k = (x * core::f64::consts::LOG2_E).round();
+    // Adding 1.5·2⁵² rounds to the nearest integer without a call.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let k = (x * core::f64::consts::LOG2_E + ROUND) - ROUND;
     let r = (x - k * 6.931_471_803_691_238e-1) - k * 1.908_214_929_270_587_7e-10;
     let r2 = r * r;
     let low = 1.0 + r + r2 * (0.5 + r * (1.0 / 6.0));

@@ -12,7 +12,7 @@ use vt_core::measurement::{Measurement, NormalEquations};
 use vt_core::report::{Innovation, StopReason};
 
 /// Largest step, in deviations of the posterior, after which the iteration counts as converged.
-const CONVERGED: f64 = 1e-4;
+const CONVERGED: f64 = 1e-3;
 
 /// Combines `prior` with the measurement `z` of its pose in at most `iterations` Gauss–Newton steps.
 ///
@@ -39,50 +39,76 @@ where
         return Err(EstimateError::NotFinite("the prior"));
     }
     let mut equations = NormalEquations::empty(prior.mean.pose());
-    let mut x = prior.mean.clone();
-    let mut innovation = Innovation { stop: StopReason::Direct, ..Innovation::default() };
+    let mut innovation = Innovation::default();
+    // Without an invertible prior (locked coordinates) the cost of leaving it is not known, and every step is taken.
     let precision = if iterations > 1 { cholesky(prior.covariance.clone()) } else { None };
-    let mut objective = f64::NAN;
-    let mut posterior = prior.clone();
-    for step in 0..iterations.max(1) {
-        innovation.iterations = step + 1;
+    let mut x = prior.mean.clone();
+    let mut best: Option<Step<S>> = None;
+    for iteration in 1..=iterations.max(1) {
+        innovation.iterations = iteration;
         z.normal_equations(x.pose(), &mut equations);
         if !(equations.gradient.iter().chain(equations.information.iter()).all(|v| v.is_finite())) {
             return Err(EstimateError::NotFinite("the measurement"));
         }
-        let here = Chart::new(prior, &x);
-        let (delta, covariance) = here.correct(&equations, &mut innovation);
+        let cost = equations.cost + precision.as_ref().map_or(0.0, |p| departure(prior, p, &x));
+        if let Some(last) = &mut best
+            && precision.is_some()
+            && cost > last.cost
+        {
+            // The step was too long: go half of it from where the cost was lowest.
+            last.delta *= 0.5;
+            innovation.stop = StopReason::SmallDecrease;
+            if last.settled() {
+                break;
+            }
+            x = last.from.retract(&last.delta);
+            continue;
+        }
+        let (delta, covariance) = Chart::new(prior, &x).correct(&equations, &mut innovation);
         let next = x.retract(&delta);
         if !next.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
-        let settled =
-            (0..delta.len()).all(|k| delta[k].abs() <= CONVERGED * covariance[(k, k)].max(0.0).sqrt());
-        posterior.covariance = reset(&x, &delta, covariance);
-        posterior.mean = next;
-        if iterations <= 1 {
-            break;
-        }
-        if let Some(precision) = &precision {
-            if objective.is_nan() {
-                objective = cost(prior, precision, z, &x);
-            }
-            let (better, value) = line_search(prior, precision, z, &x, &delta, objective);
-            posterior.mean = better;
-            if value >= objective {
-                innovation.stop = if settled { StopReason::SmallStep } else { StopReason::SmallDecrease };
-                break;
-            }
-            objective = value;
-        }
-        x = posterior.mean.clone();
-        innovation.stop = StopReason::Iterations;
+        let step = Step { from: x, delta, covariance, cost };
+        let settled = step.settled();
+        best = Some(step);
+        x = next;
+        innovation.stop = match (iterations, settled) {
+            (0 | 1, _) => StopReason::Direct,
+            (_, true) => StopReason::SmallStep,
+            _ => StopReason::Iterations,
+        };
         if settled {
-            innovation.stop = StopReason::SmallStep;
             break;
         }
     }
-    Ok((posterior, innovation))
+    let Some(last) = best else { return Err(EstimateError::NotFinite("the measurement")) };
+    let covariance = reset(&last.from, &last.delta, last.covariance);
+    Ok((Gaussian { mean: last.from.retract(&last.delta), covariance }, innovation))
+}
+
+/// A Gauss–Newton step from the best point so far.
+struct Step<S: Manifold>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    from: S,
+    delta: Tangent<S>,
+    /// Posterior covariance in the chart at `from`.
+    covariance: Square<S>,
+    /// `−ln P(z|x) + ½ ‖x ⊟ prior‖²` at `from`.
+    cost: f64,
+}
+
+impl<S: Manifold> Step<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    /// True when the step is negligible against the posterior deviation.
+    fn settled(&self) -> bool {
+        (0..self.delta.len())
+            .all(|k| self.delta[k].abs() <= CONVERGED * self.covariance[(k, k)].max(0.0).sqrt())
+    }
 }
 
 /// The prior as seen from the iterate: mean and covariance in the chart there.
@@ -175,42 +201,11 @@ where
     moved
 }
 
-/// `−ln P(z|x) + ½ ‖x ⊟ prior‖²`.
-fn cost<P: Manifold, S: State<P>>(
-    prior: &Gaussian<S>,
-    precision: &Cholesky<f64, S::D>,
-    z: &dyn Measurement<P>,
-    x: &S,
-) -> f64
+/// `½ ‖x ⊟ prior‖²`.
+fn departure<S: Manifold>(prior: &Gaussian<S>, precision: &Cholesky<f64, S::D>, x: &S) -> f64
 where
-    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+    DefaultAllocator: Alloc<S::D>,
 {
     let d = prior.mean.local(x);
-    let mut l = [0.0];
-    z.log_likelihoods(core::slice::from_ref(x.pose()), &mut l);
-    0.5 * d.dot(&precision.solve(&d)) - l[0]
-}
-
-/// Halves the step until the cost falls; the point where it started when it never does.
-fn line_search<P: Manifold, S: State<P>>(
-    prior: &Gaussian<S>,
-    precision: &Cholesky<f64, S::D>,
-    z: &dyn Measurement<P>,
-    x: &S,
-    delta: &Tangent<S>,
-    before: f64,
-) -> (S, f64)
-where
-    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
-{
-    let mut share = 1.0;
-    for _ in 0..6 {
-        let candidate = x.retract(&(delta * share));
-        let value = cost(prior, precision, z, &candidate);
-        if value <= before {
-            return (candidate, value);
-        }
-        share *= 0.5;
-    }
-    (x.clone(), before)
+    0.5 * d.dot(&precision.solve(&d))
 }

@@ -14,7 +14,7 @@ use nalgebra::{Point2, Vector2};
 pub const MAX_REACH: usize = 96;
 
 /// Longest profile: the reach on both sides, plus two pixels for the derivative and one for the maximum.
-const MAX_PROFILE: usize = 2 * (MAX_REACH + 4) + 1;
+const MAX_PROFILE: usize = 2 * (MAX_REACH + 5) + 1;
 
 /// An edge found on a search line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,26 +66,26 @@ pub fn search(
     if !(s0.is_finite() && t0.is_finite() && line.range > 0.0) || s_size < 8 || t_size < 3 || ns == 0.0 {
         return Searched::Outside;
     }
-    let t_line = t0.round();
-    if t_line < 1.0 || t_line > (t_size - 2) as f64 || s0 < 0.0 || s0 > (s_size - 1) as f64 {
+    // Truncation is cheaper than rounding; t0 is not negative here.
+    if !(t0 >= 0.5 && t0 < t_size as f64 - 1.5 && s0 >= 0.0 && s0 <= (s_size - 1) as f64) {
         return Searched::Outside;
     }
+    let t_line = (t0 + 0.5) as usize;
     // On the contour, ns ds + nt dt = 0.
     let slope = -nt / ns;
-    let s_on = s0 + slope * (t_line - t0);
+    let s_on = s0 + slope * (t_line as f64 - t0);
     let reach = (line.range / ns.abs()).min(MAX_REACH as f64);
     // The derivative needs two pixels beyond the first and last maximum, the maximum one more, the shift of the
     // neighbouring rows (at most one pixel and its interpolation) two more.
-    let first = ((s_on - reach).floor() - 3.0).max(2.0);
-    let last = ((s_on + reach).ceil() + 3.0).min(s_size as f64 - 3.0);
-    if !(last - first >= 7.0) {
+    let first = ((s_on - reach) as i64 - 4).max(2);
+    let last = ((s_on + reach) as i64 + 4).min(s_size as i64 - 3);
+    if last - first < 7 {
         return Searched::Outside;
     }
     let (first, len) = (first as usize, ((last - first) as usize + 1).min(MAX_PROFILE));
     let mut profile = [0.0f32; MAX_PROFILE];
     let profile = &mut profile[..len];
     let pixels = image.as_raw();
-    let t_line = t_line as usize;
     if along_row {
         sheared_mean(pixels, (t_line - 1) * width + first, width, slope, profile);
     } else {
@@ -99,8 +99,8 @@ pub fn search(
 /// Shift of the rows before and after the contour's row: whole pixels and the remaining fraction.
 fn shifts(slope: f64) -> [(isize, f32); 2] {
     [-slope, slope].map(|shift| {
-        let whole = shift.floor();
-        (whole as isize, (shift - whole) as f32)
+        let whole = if shift < 0.0 { shift as isize - 1 } else { shift as isize };
+        (whole, (shift - whole as f64) as f32)
     })
 }
 

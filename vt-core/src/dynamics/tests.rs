@@ -199,6 +199,31 @@ fn custom_model_as_a_type() {
 fn roots_of_semidefinite_matrices_are_exact_across_units() {
     let a = SMatrix::<f64, 3, 3>::new(1e6, 0.0, 0.0, 1.0, 1e-6, 0.0, 0.0, 0.0, 0.0);
     let m = a * a.transpose();
-    let l = semidefinite_root(&m);
-    assert!((l * l.transpose() - m).abs().component_div(&m.map(|v| v.abs().max(1e-30))).max() < 1e-9, "{l}");
+    for l in [semidefinite_root(&m), pivoted_root(&m)] {
+        assert!(
+            (l * l.transpose() - m).abs().component_div(&m.map(|v| v.abs().max(1e-30))).max() < 1e-9,
+            "{l}"
+        );
+    }
+}
+
+#[test]
+fn roots_of_singular_matrices_lose_no_digits() {
+    // Rank 7 of 12 with correlations close to one, where unpivoted elimination loses half the digits.
+    let mut random = crate::random::Random::new(8, crate::random::Stream::Sim, 0, 0, 0);
+    for _ in 0..200 {
+        let a = SMatrix::<f64, 12, 7>::from_fn(|r, _| 1.0 + random.normal() * if r < 6 { 1e-4 } else { 1.0 });
+        let m = a * a.transpose();
+        let l = pivoted_root(&m);
+        assert!((l * l.transpose() - m).amax() < 1e-13 * m.amax());
+        assert_eq!(l.column_iter().filter(|c| c.amax() > 0.0).count(), 7);
+        // The triangular root keeps its form, not its digits.
+        let l = semidefinite_root(&m);
+        assert!(
+            (0..12).all(|c| l[(c, c)] > 0.0 || l.column(c).amax() == 0.0)
+                && l.upper_triangle() == SMatrix::from_diagonal(&l.diagonal())
+        );
+    }
+    let diagonal = SMatrix::<f64, 4, 4>::from_diagonal(&[4.0, 0.0, 9.0, 1e-20].into());
+    assert_eq!(pivoted_root(&diagonal).diagonal(), nalgebra::Vector4::new(2.0, 0.0, 3.0, 1e-10));
 }

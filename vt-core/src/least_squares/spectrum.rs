@@ -20,7 +20,7 @@ where
             for q in p + 1..n {
                 let off = a[(p, q)];
                 // Negligible against both diagonal entries.
-                if off.abs() <= 1e-17 * (a[(p, p)] * a[(q, q)]).abs().sqrt() || off.abs() < f64::MIN_POSITIVE
+                if off.abs() <= 1e-16 * (a[(p, p)] * a[(q, q)]).abs().sqrt() || off.abs() < f64::MIN_POSITIVE
                 {
                     continue;
                 }

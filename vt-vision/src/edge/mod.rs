@@ -5,6 +5,8 @@ mod memory;
 mod mixture;
 mod modality;
 mod params;
+mod pixel_modality;
+mod pixels;
 mod sketch;
 
 pub use features::{EdgeFeatures, EdgeRow};
@@ -12,3 +14,5 @@ pub use memory::ContrastMemory;
 pub use mixture::{EdgeMixture, Line, LineEdge};
 pub use modality::EdgeModality;
 pub use params::{EdgeParams, Hypotheses};
+pub use pixel_modality::EdgePixelModality;
+pub use pixels::EdgePixels;

@@ -94,7 +94,7 @@ where
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
             let direction = ahead - y;
             let length = direction.norm();
-            if !(length > 0.0) {
+            if length.is_nan() || length <= 0.0 {
                 continue;
             }
             let normal = Vector2::new(-direction.y, direction.x) / length;
