@@ -31,6 +31,8 @@ pub enum Background {
     Clutter {
         /// Size of the rectangles in pixels.
         size: f64,
+        /// Mean brightness, 0 to 1.
+        brightness: f32,
         /// Range of brightness, 0 to 1.
         contrast: f32,
     },
@@ -113,7 +115,7 @@ impl Backdrop {
     pub(crate) fn new(background: Background, seed: u64, width: u32, height: u32) -> Self {
         let (plain, contrast, size) = match background {
             Background::Plain(b) => (b, 0.0, 1.0),
-            Background::Clutter { size, contrast } => (0.45, contrast, size),
+            Background::Clutter { size, brightness, contrast } => (brightness, contrast, size),
         };
         let mut random = Random::new(seed, Stream::Sim, 1, 0, 0);
         let [w, h] = [width, height].map(f64::from);

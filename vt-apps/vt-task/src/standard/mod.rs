@@ -67,6 +67,14 @@ impl Registry {
             )
             .with(
                 Method::<Estimators<SE3>>::new(
+                    "particle",
+                    "sequential importance resampling",
+                    estimator::particle,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
                     "kalman",
                     "extended or iterated Kalman filter",
                     estimator::kalman,

@@ -111,6 +111,8 @@ pub enum BackgroundParams {
 pub struct Clutter {
     /// Size of the rectangles.
     pub size: Pixels,
+    /// Mean brightness, 0 to 1.
+    pub brightness: f32,
     /// Range of brightness, 0 to 1.
     pub contrast: f32,
 }
@@ -157,7 +159,10 @@ impl Params for Simulated {
             BackgroundParams::Clutter(c) if c.size.si() < 2.0 => {
                 Err(ConfigError::parameter("background.params.size", c.size, "at least 2 px"))
             }
-            BackgroundParams::Clutter(c) => share("background.params.contrast", c.contrast),
+            BackgroundParams::Clutter(c) => {
+                share("background.params.brightness", c.brightness)?;
+                share("background.params.contrast", c.contrast)
+            }
         }
     }
 
@@ -188,7 +193,9 @@ pub(super) fn simulated(p: Simulated, context: SensorContext<'_>) -> Result<Sens
     };
     let background = match p.background {
         BackgroundParams::Plain(p) => Background::Plain(p.brightness),
-        BackgroundParams::Clutter(c) => Background::Clutter { size: c.size.si(), contrast: c.contrast },
+        BackgroundParams::Clutter(c) => {
+            Background::Clutter { size: c.size.si(), brightness: c.brightness, contrast: c.contrast }
+        }
     };
     let scene = Scene::new(mesh, *camera, context.seed).with_texture(texture).with_background(background);
     let settings = Settings {
