@@ -172,7 +172,9 @@ impl Document {
                 }
                 Value::Array(list) => {
                     let Some(index) = element(list, key) else {
-                        let names = list.iter().filter_map(|n| n.get("name")?.text().map(str::to_owned));
+                        let names = list
+                            .iter()
+                            .filter_map(|n| n.get("name").or(n.get("kind"))?.text().map(str::to_owned));
                         let known = names.chain((0..list.len()).map(|k| k.to_string())).collect();
                         return Err(fail(&format!("no element `{key}`"), key, known));
                     };
