@@ -111,7 +111,7 @@ fn every_fault_is_found_where_it_is() {
         "dangling model": "model = \"bracket\"\ntruth" => "model = \"brackt\"\ntruth", at "\"brackt\"", P::UnknownName { .. }, nearest Some("bracket"), expected "model";
         "dangling sensor": "sensor = \"camera\", params" => "sensor = \"camra\", params", at "\"camra\"", P::UnknownName { .. }, nearest Some("camera"), expected "sensor";
         "dangling sensor of the truth": "params = { sensor = \"camera\" }" => "params = { sensor = \"cam\" }", at "\"cam\"", P::UnknownName { .. }, nearest Some("camera"), expected "camera";
-        "double name": "name = \"bare\"" => "name = \"camera\"", at "\"camera\"", P::Duplicate { .. }, nearest Some("camera"), expected "another name";
+        "double name": "name = \"bare\"" => "name = \"camera\"", at "\"camera\"", P::Duplicate { .. }, nearest None, expected "another name";
         "name with a dot": "name = \"bare\"" => "name = \"b.c\"", at "\"b.c\"", P::Value { .. }, nearest None, expected "no dot";
         "missing folder": "folder = \".\"" => "folder = \"no/such/folder\"", at "\"no/such/folder\"", P::MissingFile { .. }, nearest None, expected "relative to the task file";
         "both of two choices": "folder = \".\"" => "folder = \".\", pattern = \"a%d.png\"", at "\"a%d.png\"", P::Value { .. }, nearest None, expected "either";

@@ -84,7 +84,7 @@ fn a_wrong_task_ends_with_code_2_and_shows_the_line() {
     let output = vt(&["run", &file.display().to_string()]);
     assert_eq!(output.status.code(), Some(2));
     let shown = text(&output.stderr);
-    assert!(shown.contains("broken.toml:13") && shown.contains("nearest: `frames`"), "{shown}");
+    assert!(shown.contains("broken.toml:12") && shown.contains("nearest: `frames`"), "{shown}");
     assert_eq!(vt(&["check", "no-such-file.toml"]).status.code(), Some(2));
     assert_eq!(vt(&["chekc"]).status.code(), Some(2));
 }
