@@ -100,7 +100,7 @@ impl Document {
 
     /// Where an error of the reader lies in the text.
     pub fn error(&self, e: ReadError) -> TaskError {
-        TaskError::new(e.problem, &self.sources, e.span)
+        TaskError::new(*e.problem, &self.sources, e.span)
     }
 
     /// An error at the node of a dotted path, or at the nearest one that exists.
