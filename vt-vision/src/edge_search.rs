@@ -23,6 +23,8 @@ pub struct EdgeCandidate {
     pub offset: f64,
     /// Step height in grey levels, positive when it brightens along the normal.
     pub contrast: f64,
+    /// Grey levels beside the edge, two to three pixels before and after it along the normal.
+    pub sides: [f32; 2],
 }
 
 /// What became of a search.
@@ -174,7 +176,10 @@ fn maxima(
             continue;
         }
         let contrast = f64::from(g / STEP) * ns.signum();
-        out.push(EdgeCandidate { offset, contrast });
+        let (before, after) =
+            (0.5 * (profile[k - 2] + profile[k - 3]), 0.5 * (profile[k + 2] + profile[k + 3]));
+        let sides = if ns > 0.0 { [before, after] } else { [after, before] };
+        out.push(EdgeCandidate { offset, contrast, sides });
         if out.len() - begin > max_candidates {
             let weakest =
                 (begin..out.len()).min_by(|&a, &b| out[a].contrast.abs().total_cmp(&out[b].contrast.abs()));
@@ -231,6 +236,7 @@ mod tests {
             prop_assert_eq!(found.len(), 1);
             prop_assert!((found[0].offset - shift).abs() < 0.05, "offset {} instead of {shift}", found[0].offset);
             prop_assert!(found[0].contrast > 120.0, "contrast {}", found[0].contrast);
+            prop_assert!(found[0].sides[0] < 60.0 && found[0].sides[1] > 180.0, "sides {:?}", found[0].sides);
         }
     }
 

@@ -19,6 +19,7 @@ use vt_vision::edge::*;
 
 fn main() {
     let root = std::env::var("VISP_IMAGES").unwrap();
+    let arg = |k: &str, d: f64| std::env::var(k).ok().map_or(d, |v| v.parse().unwrap());
     let castle = std::env::args().nth(1).as_deref() != Some("cube");
     let cam;
     let mesh;
@@ -26,7 +27,8 @@ fn main() {
     let mut truth = vec![];
     if castle {
         let d = format!("{root}/mbt-depth/Castle-simu");
-        cam = Camera::new(700.0, 700.0, 320.0, 240.0, 640, 480).unwrap();
+        cam =
+            Camera::new(700.0, 700.0, 320.0 - arg("HALF", 0.5), 240.0 - arg("HALF", 0.5), 640, 480).unwrap();
         mesh = vt_models::loaders::load_mesh(format!("{d}/Models/chateau.wrl"), vt_models::mesh::Unit::Metre)
             .unwrap();
         for k in 1..=40 {
@@ -72,9 +74,8 @@ fn main() {
             Vector3::new(0.02231950571, 0.1071368004, 0.5071128378),
         )
     };
-    let arg = |k: &str, d: f64| std::env::var(k).ok().map_or(d, |v| v.parse().unwrap());
     let opts = VisibilityOptions {
-        step: arg("STEP", 5.0),
+        step: arg("STEP", 8.0),
         raster_scale: arg("RS", 0.5),
         max_sites: arg("SITES", 1000.0) as usize,
         ..Default::default()
@@ -85,7 +86,7 @@ fn main() {
         let view = MeshView::new(mesh, edges, cam, ViewCache::new(opts, Default::default()));
         let params = EdgeParams {
             sigma: arg("SIGMA", 0.4),
-            min_contrast: arg("C", 8.0),
+            min_contrast: arg("C", 5.0),
             range: [arg("R0", 6.0), arg("R1", 30.0)],
             searches: arg("N", 3.0) as usize,
             iterations: arg("IT", 8.0) as usize,
@@ -113,7 +114,7 @@ fn main() {
             Vector6::new(0.01, 0.01, 0.01, 0.03, 0.03, 0.03),
         );
         let mut looped = TrackingLoop::new(vec![Box::new(target)]);
-        let (mut ts, mut rs, mut ms) = (vec![], vec![], vec![]);
+        let (mut ts, mut rs, mut ms, mut ns) = (vec![], vec![], vec![], vec![]);
         for (k, f) in frames.into_iter().enumerate() {
             let t0 = std::time::Instant::now();
             let r = &looped.step([f]).unwrap()[0];
@@ -147,6 +148,7 @@ fn main() {
                     );
                 }
                 ts.push(t);
+                ns.push(g.nees(&truth[k]).unwrap_or(f64::NAN));
                 rs.push(a);
             }
         }
@@ -154,12 +156,13 @@ fn main() {
         let max = |v: &[f64]| v.iter().cloned().fold(0.0, f64::max);
         ms.sort_by(f64::total_cmp);
         println!(
-            "t mean {:.3} max {:.3}  r mean {:.3} max {:.3}  ms median {:.3}",
+            "t mean {:.3} max {:.3}  r mean {:.3} max {:.3}  ms median {:.3} nees {:.1}",
             mean(&ts),
             max(&ts),
             mean(&rs),
             max(&rs),
-            ms[ms.len() / 2]
+            ms[ms.len() / 2],
+            mean(&ns)
         );
     }
 }

@@ -1,11 +1,18 @@
-//! What each stretch of the model's edges looked like when it was last seen.
+//! What the object looked like on both sides of its edges when they were last seen.
 
 use nalgebra::{Point3, Vector3};
+use vt_models::visibility::Side;
 
-/// Signed contrast along every model edge, from the edges that were matched to it (contrast continuity of the moving
-/// edges method, with polarity). Texture changes along an edge, so contrast is kept in cells of fixed length.
+/// Grey levels beside an edge, before and after it along the normal.
+pub type Sides = [f32; 2];
+
+/// Appearance along every model edge, from the image edges that were matched to it.
+///
+/// At an occluding contour only one side belongs to the object: the other shows whatever lies behind, and the step
+/// between them may change its sign from frame to frame. So grey levels are kept for each side, and only those of the
+/// object count. Texture changes along an edge: levels are kept in cells of fixed length.
 #[derive(Clone, Debug)]
-pub struct ContrastMemory {
+pub struct AppearanceMemory {
     cell: f64,
     edges: Vec<Cells>,
 }
@@ -14,19 +21,27 @@ pub struct ContrastMemory {
 #[derive(Clone, Debug, Default)]
 struct Cells {
     first: i64,
-    contrasts: Vec<Option<f64>>,
+    levels: Vec<[Option<f32>; 2]>,
 }
 
 /// Share of a new observation in the running mean.
-const RATE: f64 = 0.2;
+const RATE: f32 = 0.2;
 
-/// Weight of an edge that contradicts the memory altogether: appearance does change.
-const FLOOR: f64 = 0.1;
+/// Weight of a side that contradicts the memory altogether: appearance does change.
+const FLOOR: f64 = 0.2;
 
-/// Most cells of an edge; beyond it contrast is not remembered.
+/// Difference in grey levels at which a side has lost half of its weight.
+const TOLERANCE: f64 = 20.0;
+
+/// Most cells of an edge; what lies beyond is not remembered.
 const MOST_CELLS: i64 = 4096;
 
-impl ContrastMemory {
+/// Sides of an edge that belong to the object: one at an occluding contour, otherwise both.
+fn own_sides(contour: Option<Side>) -> [bool; 2] {
+    [contour != Some(Side::Positive), contour != Some(Side::Negative)]
+}
+
+impl AppearanceMemory {
     /// A memory with cells of this length in metres.
     pub fn new(cell: f64) -> Self {
         Self { cell, edges: vec![] }
@@ -36,29 +51,43 @@ impl ContrastMemory {
         (p.coords.dot(tangent) / self.cell).floor() as i64
     }
 
-    /// The contrast remembered at the place `p` of the edge `edge` with direction `tangent`.
-    pub fn recall(&self, edge: u32, p: &Point3<f64>, tangent: &Vector3<f64>) -> Option<f64> {
-        let cells = self.edges.get(edge as usize)?;
-        let index = self.cell(p, tangent).checked_sub(cells.first)?;
-        *cells.contrasts.get(usize::try_from(index).ok()?)?
+    /// The levels remembered at the place `p` of the edge `edge` with direction `tangent`.
+    pub fn recall(&self, edge: u32, p: &Point3<f64>, tangent: &Vector3<f64>) -> [Option<f32>; 2] {
+        let known = || {
+            let cells = self.edges.get(edge as usize)?;
+            let index = self.cell(p, tangent).checked_sub(cells.first)?;
+            cells.levels.get(usize::try_from(index).ok()?).copied()
+        };
+        known().unwrap_or_default()
     }
 
-    /// Prior weight of an edge with `contrast` where `known` is remembered, in `[0.1, 1]`; 1 where nothing is known.
-    pub fn weight(known: Option<f64>, contrast: f64) -> f64 {
-        let Some(known) = known else { return 1.0 };
-        // A Cauchy kernel: contrast differs with light and view, and by much.
-        let d = (contrast - known) / (0.5 * known.abs() + 8.0);
-        FLOOR + (1.0 - FLOOR) / (1.0 + d * d)
+    /// Prior weight of an edge with levels `seen` where `known` is remembered; 1 where nothing is known.
+    pub fn weight(known: [Option<f32>; 2], contour: Option<Side>, seen: Sides) -> f64 {
+        let own = own_sides(contour);
+        let mut weight = 1.0;
+        for k in 0..2 {
+            let Some(level) = known[k].filter(|_| own[k]) else { continue };
+            let d = f64::from(seen[k] - level) / TOLERANCE;
+            weight *= FLOOR + (1.0 - FLOOR) / (1.0 + d * d);
+        }
+        weight
     }
 
-    /// Takes in the contrast of the edge matched at a place.
-    pub fn observe(&mut self, edge: u32, p: &Point3<f64>, tangent: &Vector3<f64>, contrast: f64) {
+    /// Takes in the levels beside the image edge that was matched at a place.
+    pub fn observe(
+        &mut self,
+        edge: u32,
+        p: &Point3<f64>,
+        tangent: &Vector3<f64>,
+        contour: Option<Side>,
+        seen: Sides,
+    ) {
         let cell = self.cell(p, tangent);
         if self.edges.len() <= edge as usize {
             self.edges.resize(edge as usize + 1, Cells::default());
         }
         let cells = &mut self.edges[edge as usize];
-        if cells.contrasts.is_empty() {
+        if cells.levels.is_empty() {
             cells.first = cell;
         }
         let Some(index) = cell.checked_sub(cells.first) else { return };
@@ -66,20 +95,22 @@ impl ContrastMemory {
             return;
         }
         if index < 0 {
-            cells.contrasts.splice(0..0, core::iter::repeat_n(None, index.unsigned_abs() as usize));
+            cells.levels.splice(0..0, core::iter::repeat_n([None; 2], index.unsigned_abs() as usize));
             cells.first = cell;
         }
         let index = index.max(0) as usize;
-        if cells.contrasts.len() <= index {
-            cells.contrasts.resize(index + 1, None);
+        if cells.levels.len() <= index {
+            cells.levels.resize(index + 1, [None; 2]);
         }
-        let slot = &mut cells.contrasts[index];
-        *slot = Some(slot.map_or(contrast, |mean| mean + RATE * (contrast - mean)));
+        let own = own_sides(contour);
+        for (k, slot) in cells.levels[index].iter_mut().enumerate().filter(|(k, _)| own[*k]) {
+            *slot = Some(slot.map_or(seen[k], |mean| mean + RATE * (seen[k] - mean)));
+        }
     }
 
     /// Forgets everything, after a re-initialisation.
     pub fn clear(&mut self) {
-        self.edges.iter_mut().for_each(|cells| cells.contrasts.clear());
+        self.edges.iter_mut().for_each(|cells| cells.levels.clear());
     }
 }
 
@@ -88,27 +119,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn contrast_is_remembered_by_place_and_polarity() {
-        let mut memory = ContrastMemory::new(0.01);
+    fn levels_are_remembered_by_place_and_side() {
+        let mut memory = AppearanceMemory::new(0.01);
         let (t, at) = (Vector3::x(), |x: f64| Point3::new(x, 5.0, 0.0));
-        assert_eq!(memory.recall(7, &at(0.0), &t), None);
-        memory.observe(7, &at(0.005), &t, 40.0);
-        memory.observe(7, &at(-0.025), &t, -60.0);
-        memory.observe(7, &at(0.055), &t, 10.0);
-        memory.observe(7, &at(0.055), &t, 20.0);
-        assert_eq!(memory.recall(7, &at(0.009), &t), Some(40.0));
-        assert_eq!(memory.recall(7, &at(-0.021), &t), Some(-60.0));
-        assert_eq!(memory.recall(7, &at(0.051), &t), Some(12.0));
-        assert_eq!(memory.recall(7, &at(0.02), &t), None);
-        assert_eq!(memory.recall(7, &at(-9.0), &t), None);
+        assert_eq!(memory.recall(7, &at(0.0), &t), [None, None]);
+        memory.observe(7, &at(0.005), &t, None, [40.0, 50.0]);
+        memory.observe(7, &at(-0.025), &t, Some(Side::Positive), [10.0, 90.0]);
+        memory.observe(7, &at(0.055), &t, Some(Side::Negative), [10.0, 20.0]);
+        memory.observe(7, &at(0.055), &t, None, [20.0, 20.0]);
+        memory.observe(7, &at(0.055), &t, None, [30.0, 20.0]);
+        assert_eq!(memory.recall(7, &at(0.009), &t), [Some(40.0), Some(50.0)]);
+        assert_eq!(memory.recall(7, &at(-0.021), &t), [None, Some(90.0)]);
+        assert_eq!(memory.recall(7, &at(0.051), &t), [Some(15.6), Some(20.0)]);
+        assert_eq!(memory.recall(7, &at(0.02), &t), [None, None]);
+        assert_eq!(memory.recall(7, &at(-9.0), &t), [None, None]);
         memory.clear();
-        assert_eq!(memory.recall(7, &at(0.009), &t), None);
+        assert_eq!(memory.recall(7, &at(0.009), &t), [None, None]);
     }
 
     #[test]
-    fn opposite_polarity_weighs_less_and_unknown_places_are_neutral() {
-        assert_eq!(ContrastMemory::weight(None, -50.0), 1.0);
-        assert!(ContrastMemory::weight(Some(40.0), 44.0) > 0.95);
-        assert!(ContrastMemory::weight(Some(40.0), -44.0) < 0.2);
+    fn only_the_objects_own_side_counts_at_a_contour() {
+        let known = [Some(100.0), Some(30.0)];
+        let weight = |contour, seen| AppearanceMemory::weight(known, contour, seen);
+        assert!(weight(None, [101.0, 29.0]) > 0.99);
+        assert!(weight(None, [101.0, 200.0]) < 0.3);
+        assert!(weight(Some(Side::Negative), [101.0, 200.0]) > 0.99);
+        assert!(weight(Some(Side::Positive), [101.0, 200.0]) < 0.3);
+        assert_eq!(AppearanceMemory::weight([None, None], None, [0.0, 255.0]), 1.0);
     }
 }

@@ -14,6 +14,7 @@ use vt_core::agent::{Posed, Warp};
 use vt_core::manifold::{Alloc, Manifold, Tangent};
 use vt_core::math;
 use vt_core::measurement::{NormalEquations, Quality};
+use vt_models::visibility::Side;
 
 /// `√(2π)`.
 const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
@@ -40,6 +41,8 @@ where
     pub count: u32,
     /// Model edge that the point lies on.
     pub edge: u32,
+    /// Side of the object, at an occluding contour.
+    pub contour: Option<Side>,
     /// Weight of the line; below 1 where neighbours share their errors.
     pub weight: f64,
 }
@@ -49,9 +52,9 @@ where
 pub struct LineEdge {
     /// Position along the line's normal, `n · m`, pixels.
     pub position: f64,
-    /// Step along the normal in grey levels.
-    pub contrast: f64,
-    /// Prior weight `π`: how well the edge's contrast fits what this contour showed before.
+    /// Grey levels before and after it along the normal.
+    pub sides: [f32; 2],
+    /// Prior weight `π`: how well the edge fits what this contour looked like before, and where it is predicted.
     pub prior: f64,
 }
 

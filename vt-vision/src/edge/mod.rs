@@ -10,7 +10,7 @@ mod pixels;
 mod sketch;
 
 pub use features::{EdgeFeatures, EdgeRow};
-pub use memory::ContrastMemory;
+pub use memory::AppearanceMemory;
 pub use mixture::{EdgeMixture, Line, LineEdge};
 pub use modality::EdgeModality;
 pub use params::{EdgeParams, Hypotheses};

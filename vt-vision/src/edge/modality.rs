@@ -1,7 +1,7 @@
 //! The edge modality: model contour against image edges (RAPiD, Harris 1990; Drummond and Cipolla 2002).
 
 use image::GrayImage;
-use nalgebra::{DefaultAllocator, Point3, Vector2};
+use nalgebra::{DefaultAllocator, Point2, Point3, Vector2};
 use vt_core::agent::{Posed, Visibility, Warp};
 use vt_core::belief::{Gaussian, cholesky};
 use vt_core::dynamics::semidefinite_root;
@@ -15,10 +15,11 @@ use vt_core::pose_measurement::PoseMeasurement;
 use vt_core::sketch::Mark;
 
 use super::features::{EdgeFeatures, EdgeRow};
-use super::memory::ContrastMemory;
+use super::memory::AppearanceMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
 use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
+use crate::pyramid::{Pyramid, PyramidProcessing, to_level};
 use vt_models::visibility::EdgeSite;
 
 /// Edge modality of one target.
@@ -32,13 +33,14 @@ where
 {
     params: EdgeParams,
     sensor: SensorId,
+    needs: Vec<EvidenceKey>,
     visibility: V,
     /// Length by which a contour point is moved along its tangent to find the contour's direction in the image.
     probe: f64,
     features: EdgeFeatures<P, W>,
     object: Option<PoseMeasurement<P>>,
     equations: Option<NormalEquations<P>>,
-    memory: ContrastMemory,
+    memory: AppearanceMemory,
     found: Vec<EdgeCandidate>,
     deviations: Vec<f64>,
     seen: bool,
@@ -65,30 +67,35 @@ where
     pub fn new(params: EdgeParams, sensor: SensorId, warp: W, visibility: V, diameter: f64) -> Self {
         let clutter = params.miss_probability * params.clutter_density;
         let mixture = EdgeMixture::new(warp, params.sigma, clutter);
+        let coarse = params.coarse_levels;
+        let needs = if coarse > 0 { vec![PyramidProcessing::key_for(sensor, coarse)] } else { vec![] };
         Self {
             params,
             sensor,
+            needs,
             visibility,
             probe: 1e-4 * diameter,
             features: EdgeFeatures { rows: vec![], mixture },
             object: None,
             equations: None,
-            memory: ContrastMemory::new(0.03 * diameter),
+            memory: AppearanceMemory::new(0.03 * diameter),
             found: vec![],
             deviations: vec![],
             seen: false,
         }
     }
 
-    /// Searches edges along the normals of the contour at `pose`, whose error has the covariance `spread`. Returns
-    /// the root mean square of the predicted deviation along the normals in pixels, `None` without any line.
-    fn search(&mut self, image: &GrayImage, pose: &P, spread: &Square<P>) -> Option<f64> {
+    /// Searches edges along the normals of the contour at `pose`, whose error has the covariance `spread`, in the
+    /// picture of a pyramid level. Returns the root mean square of the predicted deviation along the normals in pixels
+    /// of the full picture, `None` without any line.
+    fn search(&mut self, image: &GrayImage, level: u32, pose: &P, spread: &Square<P>) -> Option<f64> {
+        let pixel = f64::from(1u32 << level);
         let mixture = &mut self.features.mixture;
         mixture.lines.clear();
         mixture.edges.clear();
         let posed = mixture.warp.at(pose);
         let mut squares = 0.0;
-        let slack = self.params.range[0] / 3.0;
+        let slack = self.params.range[0] * pixel / 3.0;
         for site in self.visibility.visible(pose) {
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
@@ -100,8 +107,9 @@ where
             let normal = Vector2::new(-direction.y, direction.x) / length;
             let j = j.tr_mul(&normal);
             let deviation2 = (spread * &j).dot(&j).max(0.0);
-            let range = (3.0 * deviation2.sqrt()).clamp(self.params.range[0], self.params.range[1]);
-            let line = SearchLine { at: y, normal, range };
+            let range = (3.0 * deviation2.sqrt() / pixel).clamp(self.params.range[0], self.params.range[1]);
+            let at = Point2::new(to_level(y.x, level), to_level(y.y, level));
+            let line = SearchLine { at, normal, range };
             self.found.clear();
             let (contrast, most) = (self.params.min_contrast, self.params.max_candidates);
             if search(image, &line, contrast, most, &mut self.found) == Searched::Outside {
@@ -119,9 +127,10 @@ where
             // Where the contour is predicted, an edge is the more probable the nearer it is.
             let gate = -0.5 / (deviation2 + slack * slack);
             mixture.edges.extend(self.found.iter().map(|c| LineEdge {
-                position: searched_at + c.offset,
-                contrast: c.contrast,
-                prior: ContrastMemory::weight(known, c.contrast) * math::exp(c.offset * c.offset * gate),
+                position: searched_at + c.offset * pixel,
+                sides: c.sides,
+                prior: AppearanceMemory::weight(known, site.contour, c.sides)
+                    * math::exp_fast((c.offset * pixel).powi(2) * gate),
             }));
             squares += deviation2;
             mixture.lines.push(Line {
@@ -132,19 +141,35 @@ where
                 first,
                 count: self.found.len() as u32,
                 edge: site.edge,
+                contour: site.contour,
                 tangent: site.tangent,
-                weight: 1.0,
+                weight: 1.0 - math::exp_fast(-f64::from(site.weight) / self.params.correlation_length),
             });
         }
         let lines = mixture.lines.len();
         (lines > 0).then(|| (squares / lines as f64).sqrt())
     }
 
-    /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to that of the
-    /// localisation noise. `root` is a root of the prior covariance: the pose moves in its span only, and where the
+    /// Lowest pyramid level, at most `levels`, on which the longest search range covers three predicted deviations.
+    fn coarsest(&mut self, pose: &P, spread: &Square<P>, levels: u32) -> u32 {
+        let posed = self.features.mixture.warp.at(pose);
+        let sites = self.visibility.visible(pose);
+        let mut widest = 0.0f64;
+        for (_, j) in sites.iter().filter_map(|s| posed.linearize(&s.p_in_object)) {
+            for row in 0..2 {
+                let j = j.row(row).transpose();
+                widest = widest.max((spread * &j).dot(&j));
+            }
+        }
+        let needed = 3.0 * widest.sqrt();
+        (0..levels).find(|&l| needed <= self.params.range[1] * f64::from(1u32 << l)).unwrap_or(levels)
+    }
+
+    /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to `last`, in
+    /// pixels. `root` is a root of the prior covariance: the pose moves in its span only, and where the
     /// data are silent not at all. The contour is linearised at the pose of the search; whoever uses the result
     /// linearises anew. Returns the root mean square motion of the contour in pixels.
-    fn align(&mut self, pose: &mut P, root: &Square<P>, mut sigma: f64) -> f64 {
+    fn align(&mut self, pose: &mut P, root: &Square<P>, mut sigma: f64, last: f64) -> f64 {
         let mixture = &self.features.mixture;
         let equations = self.equations.get_or_insert_with(|| NormalEquations::empty(pose));
         let mut delta = pose.zero();
@@ -160,11 +185,10 @@ where
             scale = sigma * sigma / (equations.rows as f64).max(1.0);
             let motion = ((&equations.information * &step).dot(&step) * scale).max(0.0).sqrt();
             delta += step;
-            if sigma <= self.params.sigma && motion < STILL {
+            if sigma <= last && motion < STILL {
                 break;
             }
-            sigma =
-                if motion < 0.1 * sigma { self.params.sigma } else { (0.5 * sigma).max(self.params.sigma) };
+            sigma = if motion < 0.1 * sigma { last } else { (0.5 * sigma).max(last) };
         }
         let next = pose.retract(&delta);
         if !next.is_finite() {
@@ -175,7 +199,7 @@ where
     }
 
     /// Matches to every line its most probable edge at `pose`, estimates the scale of the residuals and remembers
-    /// the contrasts.
+    /// what the object looks like beside them.
     fn associate(&mut self, pose: &P) {
         let EdgeFeatures { rows, mixture } = &mut self.features;
         rows.clear();
@@ -189,7 +213,7 @@ where
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
                 self.deviations.push((edge.position - u).abs());
-                self.memory.observe(line.edge, &line.point, &line.tangent, edge.contrast);
+                self.memory.observe(line.edge, &line.point, &line.tangent, line.contour, edge.sides);
             }
             rows.push(EdgeRow {
                 point: line.point,
@@ -241,7 +265,7 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     fn needs(&self) -> &[EvidenceKey] {
-        &[]
+        &self.needs
     }
 
     fn measure(
@@ -254,13 +278,27 @@ where
             return Err(MeasureError::Prediction("the predicted pose is not finite"));
         }
         let image = evidence.frame(self.sensor)?.grey()?;
+        let pyramid = match self.needs.first() {
+            Some(key) => Some(evidence.get::<Pyramid>(key)?),
+            None => None,
+        };
         let root = semidefinite_root(&prior.covariance);
         let mut pose = prior.mean.clone();
         let mut spread = prior.covariance.clone();
+        let [least, most] = self.params.range;
+        let start = pyramid.map_or(0, |p| self.coarsest(&pose, &spread, p.levels.len() as u32));
+        for level in (1..=start).rev() {
+            let Some(image) = pyramid.and_then(|p| p.levels.get(level as usize - 1)) else { continue };
+            let pixel = f64::from(1u32 << level);
+            let Some(deviation) = self.search(image, level, &pose, &spread) else { break };
+            self.align(&mut pose, &root, deviation.clamp(pixel, 0.5 * most * pixel), pixel);
+            spread.fill(0.0);
+        }
         for _ in 0..self.params.searches {
-            let Some(deviation) = self.search(image, &pose, &spread) else { return Ok(None) };
-            let start = deviation.clamp(self.params.sigma, 0.5 * self.params.range[1]);
-            if self.align(&mut pose, &root, start) < MOVED {
+            let Some(deviation) = self.search(image, 0, &pose, &spread) else { return Ok(None) };
+            let sigma = self.params.sigma;
+            let first = if start > 0 { least } else { deviation };
+            if self.align(&mut pose, &root, first.clamp(sigma, 0.5 * most), sigma) < MOVED {
                 break;
             }
             // The next search starts near the contour: only the least range is needed.
