@@ -1,3 +1,4 @@
-//! What the tests across crates share: data sets and rigs.
+//! What the tests across crates share.
 
-pub mod rig;
+pub mod data;
+pub mod replay;
