@@ -14,6 +14,9 @@ use vt_core::report::{Innovation, StopReason};
 /// Largest step, in deviations of the posterior, after which the iteration counts as converged.
 const CONVERGED: f64 = 1e-3;
 
+/// Deviation, as a part of the largest one, below which a coordinate counts as locked.
+const LOCKED: f64 = 1e-12;
+
 /// Combines `prior` with the measurement `z` of its pose in at most `iterations` Gauss–Newton steps.
 ///
 /// In the chart at the iterate `x` the prior is `N(μ, P)` and the data say `A δ = b`. With `A = R Rᵀ`, which exists
@@ -116,10 +119,13 @@ impl<S: Manifold> Step<S>
 where
     DefaultAllocator: Alloc<S::D>,
 {
-    /// True when the step is negligible against the posterior deviation.
+    /// True when the step is negligible against the posterior deviation. Locked coordinates do not count: rounding
+    /// moves them too.
     fn settled(&self) -> bool {
+        let deviation = |k: usize| self.covariance[(k, k)].max(0.0).sqrt();
+        let floor = LOCKED * (0..self.delta.len()).map(deviation).fold(0.0, f64::max);
         (0..self.delta.len())
-            .all(|k| self.delta[k].abs() <= CONVERGED * self.covariance[(k, k)].max(0.0).sqrt())
+            .all(|k| deviation(k) <= floor || self.delta[k].abs() <= CONVERGED * deviation(k))
     }
 }
 
