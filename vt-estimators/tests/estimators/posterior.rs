@@ -171,10 +171,11 @@ fn halved_steps_save_what_full_steps_lose() {
         LeastSquares::levenberg_marquardt().fit(&z, &prior.mean, Some(&prior)).expect("finite").pose;
     assert!((found.mean.0 - expected.0).norm() < 1e-8, "{found:?} {expected:?} {innovation:?}");
     assert!(innovation.iterations > 3 && innovation.stop == StopReason::SmallStep);
-    // With its coordinate halved by a lock next to it, nothing changes: the guard does not need a regular prior.
+    // A locked coordinate beside it changes nothing: no regular prior is needed to see that a step was too long.
     let wide = Gaussian::from_sigmas(Beside(3.0), &nalgebra::Vector2::new(100.0, 0.0));
-    let (beside, _) = maximum_a_posteriori::<Beside, Beside>(&wide, &First(z), 50).expect("finite");
-    assert!((beside.mean.0 - found.mean.0[0]).abs() < 1e-8, "{beside:?}");
+    let (beside, same) = maximum_a_posteriori::<Beside, Beside>(&wide, &First(z), 50).expect("finite");
+    assert!((beside.mean.0 - found.mean.0[0]).abs() < 1e-12, "{beside:?}");
+    assert_eq!(same.iterations, innovation.iterations);
 }
 
 /// A number with a locked one beside it.
