@@ -100,7 +100,7 @@ impl Document {
 
     /// Where an error of the reader lies in the text.
     pub fn error(&self, e: ReadError) -> TaskError {
-        TaskError::new(e.problem, &self.sources, e.span)
+        TaskError::new(*e.problem, &self.sources, e.span)
     }
 
     /// An error at the node of a dotted path, or at the nearest one that exists.
@@ -172,7 +172,9 @@ impl Document {
                 }
                 Value::Array(list) => {
                     let Some(index) = element(list, key) else {
-                        let names = list.iter().filter_map(|n| n.get("name")?.text().map(str::to_owned));
+                        let names = list
+                            .iter()
+                            .filter_map(|n| n.get("name").or(n.get("kind"))?.text().map(str::to_owned));
                         let known = names.chain((0..list.len()).map(|k| k.to_string())).collect();
                         return Err(fail(&format!("no element `{key}`"), key, known));
                     };

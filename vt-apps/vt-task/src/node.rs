@@ -117,10 +117,11 @@ impl Node {
     }
 }
 
-/// Index of the element of a list that is meant by a number or by a `name`.
+/// Index of the element of a list that is meant by its `name`, by its `kind` where it has no name, or by a number.
 pub(crate) fn element(list: &[Node], key: &str) -> Option<usize> {
-    let named = list
-        .iter()
-        .position(|n| matches!(&n.value, Value::Table(_)) && n.get("name").and_then(Node::text) == Some(key));
-    named.or_else(|| key.parse().ok().filter(|&k: &usize| k < list.len()))
+    let text = |n: &Node, k: &str| n.get(k).and_then(Node::text) == Some(key);
+    let is = |n: &Node| {
+        matches!(n.value, Value::Table(_)) && (text(n, "name") || n.get("name").is_none() && text(n, "kind"))
+    };
+    list.iter().position(is).or_else(|| key.parse().ok().filter(|&k: &usize| k < list.len()))
 }

@@ -16,7 +16,7 @@ use crate::node::{Key, Node, Span, Value};
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadError {
     /// What is wrong.
-    pub problem: Problem,
+    pub problem: Box<Problem>,
     /// Where.
     pub span: Option<Span>,
 }
@@ -24,7 +24,7 @@ pub struct ReadError {
 impl ReadError {
     /// A problem at a place.
     pub fn at(problem: Problem, span: Span) -> Self {
-        Self { problem, span: Some(span) }
+        Self { problem: Box::new(problem), span: Some(span) }
     }
 
     fn or_at(mut self, span: Span) -> Self {
@@ -43,7 +43,7 @@ impl core::error::Error for ReadError {}
 
 impl From<Problem> for ReadError {
     fn from(problem: Problem) -> Self {
-        Self { problem, span: None }
+        Self { problem: Box::new(problem), span: None }
     }
 }
 

@@ -165,8 +165,8 @@ mod tests {
 
     #[test]
     fn frames_of_one_time_go_together_and_time_never_goes_back() {
-        let clock = |id, times: &[i64]| Box::new(Clock(id, times.to_vec().into_iter())) as Box<dyn Sensor>;
-        let mut sensors = vec![clock(0, &[0, 10, 20, 30]), clock(1, &[0, 15, 30])];
+        let clock = |id, times: Vec<i64>| Box::new(Clock(id, times.into_iter())) as Box<dyn Sensor>;
+        let mut sensors = vec![clock(0, vec![0, 10, 20, 30]), clock(1, vec![0, 15, 30])];
         let mut queue = Queue { waiting: sensors.iter_mut().map(|s| s.next().unwrap()).collect() };
         let mut seen = vec![];
         while let Some(frames) = queue.take(&mut sensors).unwrap() {

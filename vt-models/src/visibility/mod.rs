@@ -101,7 +101,7 @@ impl Default for VisibilityOptions {
             contour_gap: 0.02,
             border: 4.0,
             min_length: 4.0,
-            ambiguity: 2.5,
+            ambiguity: 3.5,
             max_sites: 500,
             near: 1e-3,
         }

@@ -96,7 +96,15 @@ where
         let posed = mixture.warp.at(pose);
         let mut squares = 0.0;
         let slack = self.params.range[0] * pixel / 3.0;
-        for site in self.visibility.visible(pose) {
+        let sites = self.visibility.visible(pose);
+        // Of two contours that almost coincide in the image neither can be told from the other, and the image edge
+        // that is found lies between them; such sites bias the tilt of a flat view.
+        let clear = sites.iter().filter(|s| !s.ambiguous).count();
+        let drop_ambiguous = 4 * clear >= sites.len();
+        for site in sites {
+            if site.ambiguous && drop_ambiguous {
+                continue;
+            }
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
             let direction = ahead - y;

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
+use vt_core::evidence::Processing;
 use vt_core::lie::SE3;
 use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptions};
 use vt_models::warp::Se3Warp;
-use vt_vision::edge::{self, EdgeModality, EdgeParams};
+use vt_vision::edge::{self, EdgeModality, EdgeParams, EdgePixelModality};
+use vt_vision::pyramid::PyramidProcessing;
 
 use crate::quantity::{Angle, Pixels};
 use crate::registry::Params;
@@ -152,6 +154,16 @@ pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityPr
     let free = core::array::from_fn(|k| context.freedom.0.get(k).copied().unwrap_or(true));
     let warp = Se3Warp::new(camera).with_free(free);
     let params = p.params(context.level.into())?;
-    let modality = EdgeModality::new(params, context.sensor, warp, view, diameter);
-    Ok(ModalityProduct { modality: Box::new(modality), processing: vec![] })
+    let sensor = context.sensor;
+    if params.level == vt_core::measurement::Level::Pixel {
+        let modality = EdgePixelModality::new(params, sensor, warp, view, diameter);
+        let processing = Box::new(modality.processing());
+        return Ok(ModalityProduct { modality: Box::new(modality), processing: vec![processing] });
+    }
+    let mut processing: Vec<Box<dyn Processing>> = vec![];
+    if params.coarse_levels > 0 {
+        processing.push(Box::new(PyramidProcessing::new(sensor, params.coarse_levels)));
+    }
+    let modality = EdgeModality::new(params, sensor, warp, view, diameter);
+    Ok(ModalityProduct { modality: Box::new(modality), processing })
 }

@@ -79,7 +79,7 @@ impl Registry {
                     "extended or iterated Kalman filter",
                     estimator::kalman,
                 )
-                .levels(&[Feature, Object]),
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(Method::<Losses>::new(
                 "fused",

@@ -60,12 +60,13 @@ pub struct PathParams {
 }
 
 /// Surface of a simulated model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", content = "params", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum TextureParams {
     /// One reflectance everywhere.
     Plain(Plain),
     /// A random reflectance for each face.
+    #[default]
     Faces,
     /// Squares of random reflectance.
     Squares(Squares),
@@ -87,12 +88,6 @@ pub struct Squares {
     pub size: Length,
     /// Range of reflectance, 0 to 1.
     pub contrast: f32,
-}
-
-impl Default for TextureParams {
-    fn default() -> Self {
-        Self::Faces
-    }
 }
 
 /// Background of a simulated scene.
