@@ -2,3 +2,8 @@
 
 pub mod data;
 pub mod replay;
+
+/// The example of the project's README runs as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;
