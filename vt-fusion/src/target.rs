@@ -269,6 +269,7 @@ where
             }
             None => {
                 let _ = self.estimator.reset(&self.trusted);
+                report.posterior.set(&self.estimator.pose());
                 report.verdict.status = Status::Lost;
                 self.status = Status::Lost;
             }
