@@ -75,9 +75,9 @@ fn pixel_level_tracks_the_castle_with_particles() {
             &format!("{edges}.sigma=2 px"),
             &format!("{edges}.range=[\"9 px\", \"30 px\"]"),
             &format!("{edges}.step=16 px"),
-            &format!("{edges}.temperature=6"),
+            &format!("{edges}.temperature=13"),
             "targets.castle.estimator.kind=particle",
-            "targets.castle.estimator.params.particles=2000",
+            "targets.castle.estimator.params.particles=3000",
         ],
     );
     assert_within("pixel level", errors(&pixel), CASTLE_BOUND.map(|v| 5.0 * v));

@@ -55,7 +55,7 @@ impl Default for EdgeParams {
             sigma: 0.4,
             miss_probability: 0.1,
             clutter_density: 0.03,
-            correlation_length: 48.0,
+            correlation_length: 16.0,
             searches: 3,
             iterations: 8,
             coarse_levels: 0,
