@@ -85,6 +85,11 @@ where
         }
     }
 
+    /// The pose that the last call of `measure` found, at object level.
+    pub fn object(&self) -> Option<&PoseMeasurement<P>> {
+        self.object.as_ref().filter(|_| self.seen)
+    }
+
     /// Searches edges along the normals of the contour at `pose`, whose error has the covariance `spread`, in the
     /// picture of a pyramid level. Returns the root mean square of the predicted deviation along the normals in pixels
     /// of the full picture, `None` without any line.
