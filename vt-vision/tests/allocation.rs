@@ -32,7 +32,8 @@ fn truth(k: u32) -> SE3 {
 
 #[test]
 fn measuring_allocates_nothing_after_ten_frames() {
-    let (solid, camera) = (Solid::cuboid([0.10, 0.07, 0.05]), Camera::new(500.0, 500.0, 159.5, 119.5, 320, 240).unwrap());
+    let (solid, camera) =
+        (Solid::cuboid([0.10, 0.07, 0.05]), Camera::new(500.0, 500.0, 159.5, 119.5, 320, 240).unwrap());
     let pictures: Vec<GrayImage> = (0..10).map(|k| solid.draw(&camera, &truth(k))).collect();
     for (level, coarse_levels) in
         [(Level::Feature, 0), (Level::Feature, 2), (Level::Object, 0), (Level::Object, 2), (Level::Pixel, 0)]
@@ -54,7 +55,12 @@ fn measuring_allocates_nothing_after_ten_frames() {
             show(&mut evidence, pictures[k as usize % 10].clone());
             evidence.prepare(&key, None).unwrap();
             // A velocity that is not known: the prior is the pose of the frame before.
-            let prior = prior(&truth(k).retract(&tangent([0.0; 3], [0.5; 3])), &truth(k).local(&truth(k + 9)), 0.003, 3.0);
+            let prior = prior(
+                &truth(k).retract(&tangent([0.0; 3], [0.5; 3])),
+                &truth(k).local(&truth(k + 9)),
+                0.003,
+                3.0,
+            );
             let region = Region::new(HEAP);
             let seen = modality.measure(&evidence, &prior).unwrap().is_some();
             let change = region.change();

@@ -94,7 +94,9 @@ fn what_does_not_fit_is_a_typed_error() {
     let truth = pose([-35.0, 40.0, 20.0], [0.01, 0.0, 0.4]);
     let mut evidence = evidence();
     for (k, modality) in all.iter_mut().enumerate() {
-        let mut result = |evidence: &Evidence, prior: &Gaussian<SE3>| modality.measure(evidence, prior).map(|z| z.is_some());
+        let mut result = |evidence: &Evidence, prior: &Gaussian<SE3>| {
+            modality.measure(evidence, prior).map(|z| z.is_some())
+        };
         evidence.begin([]);
         assert_eq!(result(&evidence, &at(&truth)), Err(MeasureError::MissingFrame { sensor: 0 }));
         show(&mut evidence, solid.draw(&camera(), &truth));
@@ -108,7 +110,10 @@ fn what_does_not_fit_is_a_typed_error() {
             let mut prior = at(&truth);
             match place {
                 0 => prior.mean.translation.x = f64::NAN,
-                1 => prior.mean.rotation = nalgebra::Unit::new_unchecked(prior.mean.rotation.into_inner() * f64::NAN),
+                1 => {
+                    prior.mean.rotation =
+                        nalgebra::Unit::new_unchecked(prior.mean.rotation.into_inner() * f64::NAN)
+                }
                 _ => prior.covariance[(2, 2)] = f64::INFINITY,
             }
             assert!(matches!(result(&evidence, &prior), Err(MeasureError::Prediction(_))));

@@ -58,7 +58,8 @@ impl Solid {
 
     /// The surface alone, as a tracker knows it.
     pub fn mesh(&self) -> Mesh {
-        let polygon = |(corners, _): &(Vec<u32>, f64)| Polygon { corners: corners.clone(), ..Default::default() };
+        let polygon =
+            |(corners, _): &(Vec<u32>, f64)| Polygon { corners: corners.clone(), ..Default::default() };
         let polygons = self.faces.iter().map(polygon).collect();
         Mesh::new(MeshData { vertices: self.vertices.clone(), polygons, ..Default::default() }).unwrap()
     }
