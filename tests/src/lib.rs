@@ -1,3 +1,9 @@
-//! What the tests across crates share: data sets and rigs.
+//! What the tests across crates share.
 
-pub mod rig;
+pub mod data;
+pub mod replay;
+
+/// The example of the project's README runs as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

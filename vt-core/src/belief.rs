@@ -36,26 +36,41 @@ where
     }
 
     /// Squared Mahalanobis length of the error of `truth`: `d = truth ⊟ mean`, `dᵀ P⁻¹ d` (NEES). Its mean is the
-    /// dimension when the belief is honest. `None` when the covariance is not positive definite.
+    /// number of free coordinates when the belief is honest. `None` when their covariance is not positive definite.
     pub fn nees(&self, truth: &M) -> Option<f64> {
         let d = self.mean.local(truth);
-        let l = cholesky(self.covariance.clone())?;
-        Some(d.dot(&l.solve(&d)))
+        let (p, free) = self.free_part();
+        let d = d.map_with_location(|r, _, v| if free[r] != 0.0 { v } else { 0.0 });
+        Some(d.dot(&cholesky(p)?.solve(&d)))
     }
 
     /// `ln det(D⁻¹ P D⁻¹) / n` with `D = diag(scale)`: spread per degree of freedom against a reference deviation.
-    /// `None` when the covariance is not positive definite.
+    /// `None` when the covariance of the free coordinates is not positive definite, or when none is free.
     pub fn scaled_log_det(&self, scale: &Tangent<M>) -> Option<f64> {
-        let n = scale.len();
+        let (p, free) = self.free_part();
+        let n = free.sum();
+        let root = cholesky(p)?;
+        let l = root.l_dirty();
+        let log_det: f64 = (0..scale.len())
+            .filter(|&k| free[k] != 0.0)
+            .map(|k| 2.0 * (math::ln(l[(k, k)]) - math::ln(scale[k])))
+            .sum();
+        (n > 0.0).then(|| log_det / n)
+    }
+
+    /// The covariance with a unit diagonal in the place of locked coordinates (of zero variance), which then say
+    /// nothing in statistics; and a vector of 1 for free, 0 for locked coordinates.
+    fn free_part(&self) -> (Square<M>, Tangent<M>) {
         let mut p = self.covariance.clone();
-        for r in 0..n {
-            for c in 0..n {
-                p[(r, c)] /= scale[r] * scale[c];
+        let mut free = self.mean.zero();
+        for k in 0..free.len() {
+            if p[(k, k)] == 0.0 {
+                p[(k, k)] = 1.0;
+            } else {
+                free[k] = 1.0;
             }
         }
-        let l = cholesky(p)?;
-        let root = l.l_dirty();
-        Some((0..n).map(|k| 2.0 * math::ln(root[(k, k)])).sum::<f64>() / n as f64)
+        (p, free)
     }
 
     /// True when the mean and every entry of the covariance are finite.
@@ -221,4 +236,26 @@ where
     let pose = belief.mean.pose().clone();
     let n = pose.dim();
     Gaussian { covariance: belief.covariance.generic_view((0, 0), (n, n)).into_owned(), mean: pose }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lie::Vector;
+    use nalgebra::{Matrix3, Vector3};
+
+    #[test]
+    fn locked_coordinates_say_nothing_in_statistics() {
+        let mut covariance = Matrix3::from_diagonal(&Vector3::new(4.0, 0.0, 9.0));
+        covariance[(0, 2)] = 1.0;
+        covariance[(2, 0)] = 1.0;
+        let belief = Gaussian { mean: Vector(Vector3::new(1.0, 2.0, 3.0)), covariance };
+        let scale = Vector3::new(2.0, 0.0, 3.0);
+        let expected = 0.5 * math::ln((4.0 * 9.0 - 1.0) / 36.0);
+        assert!((belief.scaled_log_det(&scale).unwrap() - expected).abs() < 1e-12);
+        let d2 = belief.nees(&Vector(Vector3::new(2.0, 7.0, 3.0))).unwrap();
+        assert!((d2 - 9.0 / 35.0).abs() < 1e-12);
+        let locked = Gaussian { mean: belief.mean, covariance: Matrix3::zeros() };
+        assert_eq!(locked.scaled_log_det(&scale), None);
+    }
 }

@@ -10,6 +10,7 @@ use vt_core::report::Innovation;
 use vt_core::time::Seconds;
 
 use crate::map::maximum_a_posteriori;
+use crate::prior::at_rest;
 
 /// Kalman filter for a state `S` with a pose `P` under the dynamics `M`.
 ///
@@ -39,18 +40,14 @@ where
     /// acceleration) in tangent units per second and second², used at every reset.
     ///
     /// # Errors
-    /// [`EstimateError::NotFinite`].
+    /// When the prior is not finite, not positive semi-definite, or of another dimension than its deviations.
     pub fn new(
         prior: &Gaussian<P>,
         rest: Vec<Tangent<P>>,
         dynamics: M,
         iterations: u32,
     ) -> Result<Self, EstimateError> {
-        let belief = S::spread(prior, &rest);
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the prior"));
-        }
-        Ok(Self { belief, dynamics, rest, iterations })
+        Ok(Self { belief: at_rest(prior, &rest)?, dynamics, rest, iterations })
     }
 
     /// The belief over the whole state.
@@ -91,11 +88,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        let belief = S::spread(prior, &self.rest);
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the prior"));
-        }
-        self.belief = belief;
+        self.belief = at_rest(prior, &self.rest)?;
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 //! covariance (paper Eq. 6). One iteration is the extended Kalman filter, several are the iterated one (equal to
 //! Gauss–Newton on prior and data, Bell and Cathey 1993).
 
-use nalgebra::{Cholesky, DefaultAllocator, U1};
+use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, U1};
 use vt_core::belief::{Gaussian, State, cholesky, symmetrize};
 use vt_core::dynamics::semidefinite_root;
 use vt_core::error::EstimateError;
@@ -14,6 +14,9 @@ use vt_core::report::{Innovation, StopReason};
 /// Largest step, in deviations of the posterior, after which the iteration counts as converged.
 const CONVERGED: f64 = 1e-3;
 
+/// Deviation, as a part of the largest one, below which a coordinate counts as locked.
+const LOCKED: f64 = 1e-12;
+
 /// Combines `prior` with the measurement `z` of its pose in at most `iterations` Gauss–Newton steps.
 ///
 /// In the chart at the iterate `x` the prior is `N(μ, P)` and the data say `A δ = b`. With `A = R Rᵀ`, which exists
@@ -23,8 +26,13 @@ const CONVERGED: f64 = 1e-3;
 /// S = 1 + H P Hᵀ,   K = P Hᵀ S⁻¹,   δ = μ + K (y − Hμ),   P⁺ = (1 − KH) P (1 − KH)ᵀ + K Kᵀ   (Joseph)
 /// ```
 ///
+/// The cost is that of data and prior together, `-ln P(z|x) + ½ ‖x ⊟ prior‖²`. Of several iterations none may raise
+/// it: a step that does is halved, and a last step that is not yet small counts only if it does not (one evaluation
+/// more). A single iteration is the full step. Coordinates without variance stay where the prior has them.
+///
 /// # Errors
-/// [`EstimateError::NotFinite`] when prior or measurement hold NaN or infinity.
+/// [`EstimateError::NotFinite`] when prior, measurement or result hold NaN or infinity;
+/// [`EstimateError::NotPositiveDefinite`] when numbers overflow in between.
 pub fn maximum_a_posteriori<P, S>(
     prior: &Gaussian<S>,
     z: &dyn Measurement<P>,
@@ -40,33 +48,37 @@ where
     }
     let mut equations = NormalEquations::empty(prior.mean.pose());
     let mut innovation = Innovation::default();
-    // Without an invertible prior (locked coordinates) the cost of leaving it is not known, and every step is taken.
-    let precision = if iterations > 1 { cholesky(prior.covariance.clone()) } else { None };
+    let spread = (iterations > 1).then(|| semidefinite_root(&prior.covariance));
+    let cost_at = |x: &S, equations: &mut NormalEquations<P>| {
+        z.normal_equations(x.pose(), equations);
+        if !equations.gradient.iter().chain(equations.information.iter()).all(|v| v.is_finite()) {
+            return Err(EstimateError::NotFinite("the measurement"));
+        }
+        let cost = equations.cost + spread.as_ref().map_or(0.0, |root| departure(prior, root, x));
+        if cost.is_finite() { Ok(cost) } else { Err(EstimateError::NotFinite("the cost")) }
+    };
     let mut x = prior.mean.clone();
     let mut best: Option<Step<S>> = None;
     for iteration in 1..=iterations.max(1) {
         innovation.iterations = iteration;
-        z.normal_equations(x.pose(), &mut equations);
-        if !(equations.gradient.iter().chain(equations.information.iter()).all(|v| v.is_finite())) {
-            return Err(EstimateError::NotFinite("the measurement"));
-        }
-        let cost = equations.cost + precision.as_ref().map_or(0.0, |p| departure(prior, p, &x));
+        let cost = cost_at(&x, &mut equations)?;
         if let Some(last) = &mut best
-            && precision.is_some()
             && cost > last.cost
         {
             // The step was too long: go half of it from where the cost was lowest.
             last.delta *= 0.5;
-            innovation.stop = StopReason::SmallDecrease;
+            innovation.stop = StopReason::Iterations;
             if last.settled() {
+                last.delta.fill(0.0);
+                innovation.stop = StopReason::SmallDecrease;
                 break;
             }
             x = last.from.retract(&last.delta);
             continue;
         }
-        let (delta, covariance) = Chart::new(prior, &x).correct(&equations, &mut innovation);
+        let (delta, covariance) = Chart::new(prior, &x).correct(&equations, &mut innovation)?;
         let next = x.retract(&delta);
-        if !next.is_finite() {
+        if !(next.is_finite() && covariance.iter().all(|v| v.is_finite())) {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
         let step = Step { from: x, delta, covariance, cost };
@@ -82,7 +94,10 @@ where
             break;
         }
     }
-    let Some(last) = best else { return Err(EstimateError::NotFinite("the measurement")) };
+    let Some(mut last) = best else { return Err(EstimateError::NotFinite("the measurement")) };
+    if innovation.stop == StopReason::Iterations && cost_at(&x, &mut equations)? > last.cost {
+        last.delta.fill(0.0);
+    }
     let covariance = reset(&last.from, &last.delta, last.covariance);
     Ok((Gaussian { mean: last.from.retract(&last.delta), covariance }, innovation))
 }
@@ -104,10 +119,13 @@ impl<S: Manifold> Step<S>
 where
     DefaultAllocator: Alloc<S::D>,
 {
-    /// True when the step is negligible against the posterior deviation.
+    /// True when the step is negligible against the posterior deviation. Locked coordinates do not count: rounding
+    /// moves them too.
     fn settled(&self) -> bool {
+        let deviation = |k: usize| self.covariance[(k, k)].max(0.0).sqrt();
+        let floor = LOCKED * (0..self.delta.len()).map(deviation).fold(0.0, f64::max);
         (0..self.delta.len())
-            .all(|k| self.delta[k].abs() <= CONVERGED * self.covariance[(k, k)].max(0.0).sqrt())
+            .all(|k| deviation(k) <= floor || self.delta[k].abs() <= CONVERGED * deviation(k))
     }
 }
 
@@ -125,17 +143,19 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     fn new(prior: &Gaussian<S>, x: &S) -> Self {
-        let moved = prior.mean.retract_jacobian(&prior.mean.local(x));
+        // x ⊞ δ = prior ⊞ (away + J⁻¹ δ) to first order: the prior's mean lies at δ = −J away.
+        let away = prior.mean.local(x);
+        let moved = prior.mean.retract_jacobian(&away);
         let mut covariance = &moved * &prior.covariance * moved.transpose();
         symmetrize(&mut covariance);
-        Self { mean: x.local(&prior.mean), covariance }
+        Self { mean: -(moved * away), covariance }
     }
 
     fn correct<P: Manifold>(
         &self,
         data: &NormalEquations<P>,
         innovation: &mut Innovation,
-    ) -> (Tangent<S>, Square<S>)
+    ) -> Result<(Tangent<S>, Square<S>), EstimateError>
     where
         DefaultAllocator: AllocPair<S::D, P::D>,
     {
@@ -147,10 +167,10 @@ where
         for k in 0..s.nrows() {
             s[(k, k)] += 1.0;
         }
-        let y = pseudo_solve::<P>(&root, &data.gradient);
+        let y = pseudo_solve(&root, &data.gradient);
         let nu = &y - root.tr_mul(&self.mean.rows_generic(0, np));
         // S = 1 + a positive semi-definite matrix is positive definite unless it overflowed.
-        let Some(factor) = Cholesky::new(s) else { return (self.mean.clone(), self.covariance.clone()) };
+        let factor = cholesky(s).ok_or(EstimateError::NotPositiveDefinite("the innovation's covariance"))?;
         let weighted = factor.solve(&nu);
         let gain = factor.solve(&gain_side.transpose()).transpose(); // K = P Hᵀ S⁻¹
         let delta = &self.mean + &gain * &nu;
@@ -167,17 +187,17 @@ where
         let l = factor.l_dirty();
         let log_det: f64 = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
         innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - innovation.nis - log_det);
-        (delta, covariance)
+        Ok((delta, covariance))
     }
 }
 
 /// `R⁺ b` for a lower-trapezoidal `R` as [`semidefinite_root`] makes it: forward substitution, zero where a column is.
-fn pseudo_solve<P: Manifold>(root: &Square<P>, b: &Tangent<P>) -> Tangent<P>
+fn pseudo_solve<D: Dim>(root: &OMatrix<f64, D, D>, b: &OVector<f64, D>) -> OVector<f64, D>
 where
-    DefaultAllocator: Alloc<P::D>,
+    DefaultAllocator: Alloc<D>,
 {
     let mut rest = b.clone();
-    let mut y = Tangent::<P>::zeros_generic(b.shape_generic().0, U1);
+    let mut y = OVector::zeros_generic(b.shape_generic().0, U1);
     for k in 0..root.ncols() {
         let pivot = root[(k, k)];
         if pivot > 0.0 {
@@ -201,11 +221,10 @@ where
     moved
 }
 
-/// `½ ‖x ⊟ prior‖²`.
-fn departure<S: Manifold>(prior: &Gaussian<S>, precision: &Cholesky<f64, S::D>, x: &S) -> f64
+/// `½ ‖x ⊟ prior‖²`, with `root` that of the prior's covariance; nothing along coordinates without variance.
+fn departure<S: Manifold>(prior: &Gaussian<S>, root: &Square<S>, x: &S) -> f64
 where
     DefaultAllocator: Alloc<S::D>,
 {
-    let d = prior.mean.local(x);
-    0.5 * d.dot(&precision.solve(&d))
+    0.5 * pseudo_solve(root, &prior.mean.local(x)).norm_squared()
 }

@@ -4,7 +4,7 @@ use nalgebra::DefaultAllocator;
 use rayon::prelude::*;
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, State, symmetrize};
-use vt_core::dynamics::semidefinite_root;
+use vt_core::dynamics::pivoted_root;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
 use vt_core::math;
@@ -13,6 +13,7 @@ use vt_core::random::{Random, Source, Stream};
 use vt_core::report::Innovation;
 use vt_core::time::Seconds;
 
+use crate::prior::at_rest;
 use crate::resampling::{Resampling, effective_number};
 
 /// Parameters of a [`ParticleFilter`].
@@ -39,7 +40,8 @@ impl Default for ParticleParams {
 /// Particles of a state `S` with a pose `P` under the dynamics `M`.
 ///
 /// Order of a step: resample where the effective number is low → predict → weight → estimate (before the next
-/// resampling). Random numbers are addressed by frame and particle, so that threads do not change a bit.
+/// resampling). Random numbers are addressed by frame and particle, so that threads do not change a bit. Process
+/// noise is that at the heaviest particle for all of them. After an error the particles are those of before.
 pub struct ParticleFilter<P, S, M>
 where
     P: Manifold,
@@ -51,9 +53,11 @@ where
     rest: Vec<Tangent<P>>,
     states: Vec<S>,
     spare: Vec<S>,
+    /// Those of `states`.
     poses: Vec<P>,
     weights: Vec<f64>,
-    log_likelihoods: Vec<f64>,
+    /// Log-likelihoods, then the weights after the measurement.
+    posterior: Vec<f64>,
     chosen: Vec<usize>,
     frame: u64,
     resets: u64,
@@ -73,7 +77,8 @@ where
     /// A filter with particles drawn from `prior`; `rest` holds the a-priori deviations of the derivatives.
     ///
     /// # Errors
-    /// [`EstimateError::NoParticles`], [`EstimateError::NotFinite`].
+    /// [`EstimateError::NoParticles`]; when the prior is not finite, not positive semi-definite, or of another dimension
+    /// than its deviations.
     pub fn new(
         prior: &Gaussian<P>,
         rest: Vec<Tangent<P>>,
@@ -91,7 +96,7 @@ where
             spare: vec![],
             poses: vec![],
             weights: vec![],
-            log_likelihoods: vec![],
+            posterior: vec![],
             chosen: vec![],
             frame: 0,
             resets: 0,
@@ -106,35 +111,39 @@ where
         (&self.states, &self.weights)
     }
 
-    fn resample(&mut self) {
+    /// Chooses the particles that go on; true when they were drawn again.
+    fn choose(&mut self) -> bool {
         let p = &self.params;
         if effective_number(&self.weights) >= p.effective_share * p.count as f64 {
-            return;
+            self.chosen.clear();
+            self.chosen.extend(0..p.count);
+            return false;
         }
         let mut random = Random::new(p.seed, Stream::Resample, p.target, self.frame, 0);
         p.resampling.draw(&self.weights, &mut random, &mut self.chosen);
-        self.spare.clear();
-        self.spare.extend(self.chosen.iter().map(|&k| self.states[k].clone()));
-        core::mem::swap(&mut self.states, &mut self.spare);
-        self.weights.fill(1.0 / p.count as f64);
+        true
     }
 
-    /// Manifold mean and covariance of the weighted poses.
-    fn summarize(&mut self) -> Result<(), EstimateError> {
-        self.poses.clear();
-        self.poses.extend(self.states.iter().map(|s| s.pose().clone()));
-        let mean =
-            P::mean(&self.poses, &self.weights).ok_or(EstimateError::NotFinite("the particles' mean"))?;
+    /// Manifold mean and covariance of the poses under these weights.
+    fn summarize(&self, weights: &[f64]) -> Result<Gaussian<P>, EstimateError> {
+        let mean = P::mean(&self.poses, weights).ok_or(EstimateError::NotFinite("the particles' mean"))?;
         let n = mean.dim();
         let mut covariance = Square::<P>::zeros_generic(n, n);
-        for (pose, &w) in self.poses.iter().zip(&self.weights) {
+        for (pose, &w) in self.poses.iter().zip(weights) {
             let d = mean.local(pose);
             covariance.ger(w, &d, &d, 1.0);
         }
         symmetrize(&mut covariance);
-        self.estimate = Gaussian { mean, covariance };
-        Ok(())
+        Ok(Gaussian { mean, covariance })
     }
+}
+
+fn poses<P: Manifold, S: State<P>>(states: &[S], out: &mut Vec<P>)
+where
+    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+{
+    out.clear();
+    out.extend(states.iter().map(|s| s.pose().clone()));
 }
 
 /// Draws `at ⊞ root n`.
@@ -158,50 +167,56 @@ where
 {
     fn predict(&mut self, dt: Seconds) -> Result<(), EstimateError> {
         self.frame += 1;
-        self.resample();
-        let (heaviest, _) = self
-            .weights
-            .iter()
-            .enumerate()
-            .max_by(|a, b| a.1.total_cmp(b.1))
-            .ok_or(EstimateError::NoParticles)?;
+        let redrawn = self.choose();
+        let heaviest = self.weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let (heaviest, _) = heaviest.ok_or(EstimateError::NoParticles)?;
         let root = self.dynamics.noise_root(&self.states[heaviest], dt);
         let source = Source::new(self.params.seed, Stream::Predict, self.params.target);
-        let (dynamics, frame) = (&self.dynamics, self.frame);
-        self.states.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, states)| {
-            for (k, state) in states.iter_mut().enumerate() {
-                let mut random = source.at(frame, (chunk * CHUNK + k) as u32);
-                *state = sample(&dynamics.propagate(state, dt), &root, &mut random);
+        let (dynamics, frame, states, chosen) = (&self.dynamics, self.frame, &self.states, &self.chosen);
+        self.spare.resize(states.len(), states[heaviest].clone());
+        let finite = self.spare.par_chunks_mut(CHUNK).enumerate().map(|(chunk, moved)| {
+            let mut finite = true;
+            for (k, state) in (chunk * CHUNK..).zip(moved) {
+                let mut random = source.at(frame, k as u32);
+                *state = sample(&dynamics.propagate(&states[chosen[k]], dt), &root, &mut random);
+                finite &= state.is_finite();
             }
+            finite
         });
-        self.summarize()
+        if !finite.reduce(|| true, |a, b| a & b) {
+            return Err(EstimateError::NotFinite("a predicted particle"));
+        }
+        core::mem::swap(&mut self.states, &mut self.spare);
+        if redrawn {
+            self.weights.fill(1.0 / self.params.count as f64);
+        }
+        poses(&self.states, &mut self.poses);
+        self.estimate = self.summarize(&self.weights)?;
+        Ok(())
     }
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
-        self.poses.clear();
-        self.poses.extend(self.states.iter().map(|s| s.pose().clone()));
-        self.log_likelihoods.clear();
-        self.log_likelihoods.resize(self.poses.len(), 0.0);
+        self.posterior.clear();
+        self.posterior.resize(self.poses.len(), 0.0);
         self.poses
             .par_chunks(CHUNK)
-            .zip(self.log_likelihoods.par_chunks_mut(CHUNK))
+            .zip(self.posterior.par_chunks_mut(CHUNK))
             .for_each(|(poses, out)| z.log_likelihoods(poses, out));
-        if self.log_likelihoods.iter().any(|l| l.is_nan()) {
+        if self.posterior.iter().any(|&l| l.is_nan() || l == f64::INFINITY) {
             return Err(EstimateError::NotFinite("the likelihood"));
         }
-        for (l, w) in self.log_likelihoods.iter_mut().zip(&self.weights) {
+        for (l, w) in self.posterior.iter_mut().zip(&self.weights) {
             *l += math::ln(*w);
         }
-        let log_evidence = math::log_sum_exp(&self.log_likelihoods);
+        let log_evidence = math::log_sum_exp(&self.posterior);
         if !log_evidence.is_finite() {
             return Err(EstimateError::ZeroLikelihood);
         }
-        for (w, l) in self.weights.iter_mut().zip(&self.log_likelihoods) {
-            *w = math::exp(l - log_evidence);
-        }
-        let total: f64 = self.weights.iter().sum();
-        self.weights.iter_mut().for_each(|w| *w /= total);
-        self.summarize()?;
+        self.posterior.iter_mut().for_each(|l| *l = math::exp(*l - log_evidence));
+        let total: f64 = self.posterior.iter().sum();
+        self.posterior.iter_mut().for_each(|w| *w /= total);
+        self.estimate = self.summarize(&self.posterior)?;
+        core::mem::swap(&mut self.weights, &mut self.posterior);
         let effective_particles = Some(effective_number(&self.weights));
         Ok(Innovation { log_evidence, effective_particles, iterations: 1, ..Innovation::default() })
     }
@@ -211,11 +226,8 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        if !prior.is_finite() {
-            return Err(EstimateError::NotFinite("the prior"));
-        }
-        let state = S::spread(prior, &self.rest);
-        let root = semidefinite_root(&state.covariance);
+        let state: Gaussian<S> = at_rest(prior, &self.rest)?;
+        let root = pivoted_root(&state.covariance);
         let p = &self.params;
         self.resets += 1;
         let source = Source::new(p.seed, Stream::Reinit, p.target);
@@ -226,7 +238,9 @@ where
         }
         self.weights.clear();
         self.weights.resize(p.count, 1.0 / p.count as f64);
-        self.summarize()
+        poses(&self.states, &mut self.poses);
+        self.estimate = self.summarize(&self.weights)?;
+        Ok(())
     }
 
     fn particles(&self) -> Option<(&[P], &[f64])> {

@@ -3,7 +3,7 @@
 use nalgebra::DefaultAllocator;
 use vt_core::agent::{Association, Associator, Costs};
 use vt_core::belief::Gaussian;
-use vt_core::error::EstimateError;
+use vt_core::error::{EstimateError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Roi, SensorId};
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Square};
@@ -13,7 +13,7 @@ use vt_core::report::StepReport;
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
 
-use crate::target::{AnyTarget, Target};
+use crate::target::{AnyTarget, Target, watched};
 
 /// Targets of one pose space that share a detector.
 pub struct Group<P: Manifold>
@@ -100,14 +100,21 @@ where
     }
 
     fn update(&mut self, evidence: &Evidence, reports: &mut [StepReport]) {
+        if !watched(&self.sensors, evidence) {
+            for (target, report) in self.targets.iter().zip(reports) {
+                target.coast(evidence, report);
+            }
+            return;
+        }
         self.detections.clear();
         let seen = self.detector.detect(evidence, &mut self.detections);
         self.price();
         self.associator.associate(&self.costs, &mut self.association);
         for (k, (target, report)) in self.targets.iter_mut().zip(reports).enumerate() {
             target.open(evidence, report);
-            if let Err(e) = &seen {
-                report.failure = Some(e.to_string());
+            match &seen {
+                Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
+                Err(e) => report.failure = Some(e.to_string()),
             }
             let row = self.association.weights.chunks(self.detections.len().max(1)).nth(k).unwrap_or(&[]);
             let chosen = row.iter().position(|&w| w > 0.5);

@@ -7,6 +7,9 @@ use nalgebra::DefaultAllocator;
 use vt_core::manifold::{Alloc, Manifold};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 
+/// Hypotheses weighed at once.
+const CHUNK: usize = 64;
+
 /// Measurements of one target at one time, as one.
 pub struct Stacked<'a, P: Manifold>(pub &'a [&'a dyn Measurement<P>])
 where
@@ -17,11 +20,13 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
-        out.fill(0.0);
-        let mut part = vec![0.0; out.len()];
-        for z in self.0 {
-            z.log_likelihoods(poses, &mut part);
-            out.iter_mut().zip(&part).for_each(|(sum, l)| *sum += l);
+        let mut part = [0.0; CHUNK];
+        for (poses, out) in poses.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            out.fill(0.0);
+            for z in self.0 {
+                z.log_likelihoods(poses, &mut part[..out.len()]);
+                out.iter_mut().zip(&part).for_each(|(sum, l)| *sum += l);
+            }
         }
     }
 

@@ -8,8 +8,9 @@ use vt_core::belief::Gaussian;
 use vt_core::error::{EstimateError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Roi, SensorId};
+use vt_core::least_squares::Spectrum;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Tangent};
-use vt_core::measurement::{Measurement, Modality};
+use vt_core::measurement::{Measurement, Modality, NormalEquations};
 use vt_core::report::{Assessment, Status, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
@@ -43,8 +44,19 @@ pub trait AnyTarget: Send {
     fn sketch(&self, index: usize, out: &mut Vec<Mark>);
 }
 
-/// Most modalities that one target may have.
-const MOST_PARTS: usize = 16;
+/// Modalities whose measurements are listed without storage on the heap.
+const FEW: usize = 16;
+
+/// Scaled eigenvalue of the information below which the data do not determine a direction.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+/// Variance, as a part of the largest in design units, up to which a direction is locked.
+const LOCKED: f64 = 1e-20;
+
+/// True when a step holds a frame of one of these sensors, or when none is named.
+pub(crate) fn watched(sensors: &[SensorId], evidence: &Evidence) -> bool {
+    sensors.is_empty() || sensors.iter().any(|&s| evidence.frame(s).is_ok())
+}
 
 /// One target of pose space `P`.
 pub struct Target<P: Manifold>
@@ -54,6 +66,8 @@ where
     name: String,
     sensors: Vec<SensorId>,
     modalities: Vec<Box<dyn Modality<P>>>,
+    /// Whether each modality gave a measurement in this step.
+    seen: Vec<bool>,
     estimator: Box<dyn Estimator<P>>,
     loss: Box<dyn LossDetector>,
     reinitializer: Option<Box<dyn Reinitializer<P>>>,
@@ -69,21 +83,22 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     /// A target whose estimator already holds the prior. `scale` is the deviation of each pose coordinate that the
-    /// design expects; the covariance is judged relative to it.
+    /// design expects; the covariance is judged relative to it. Steps without a frame of `sensors` are passed over; with
+    /// no sensor named, every step counts.
     pub fn new(
         name: impl Into<String>,
         sensors: Vec<SensorId>,
-        mut modalities: Vec<Box<dyn Modality<P>>>,
+        modalities: Vec<Box<dyn Modality<P>>>,
         estimator: Box<dyn Estimator<P>>,
         loss: Box<dyn LossDetector>,
         reinitializer: Option<Box<dyn Reinitializer<P>>>,
         scale: Tangent<P>,
     ) -> Self {
-        modalities.truncate(MOST_PARTS);
         let trusted = estimator.pose();
         Self {
             name: name.into(),
             sensors,
+            seen: vec![false; modalities.len()],
             modalities,
             estimator,
             loss,
@@ -114,15 +129,23 @@ where
         if report.target != self.name {
             report.target.clone_from(&self.name);
         }
-        if let Some(frame) = self.sensors.iter().find_map(|&s| evidence.frame(s).ok()) {
+        let newest = evidence.frames().iter().max_by_key(|f| f.time);
+        if let Some(frame) = self.sensors.iter().find_map(|&s| evidence.frame(s).ok()).or(newest) {
             report.frame = frame.number;
-            report.time = frame.time;
         }
+        report.time = newest.map_or(report.time, |f| f.time);
         report.prediction.set(&self.estimator.pose());
         report.failure = None;
         report.reinitialized = false;
         report.unobservable.clear();
         report.timings = Default::default();
+    }
+
+    /// Nothing in this step is for this target: it goes on as predicted and is not judged.
+    pub(crate) fn coast(&self, evidence: &Evidence, report: &mut StepReport) {
+        self.open(evidence, report);
+        report.posterior.clone_from(&report.prediction);
+        report.assessment = self.unmeasured();
     }
 
     fn unmeasured(&self) -> Assessment {
@@ -137,15 +160,14 @@ where
         report: &mut StepReport,
     ) -> Assessment {
         let start = Instant::now();
-        let innovation = match estimator.correct(z) {
-            Ok(innovation) => Some(innovation),
-            Err(e) => {
-                report.failure = Some(e.to_string());
-                None
-            }
-        };
+        let innovation = estimator.correct(z);
         report.timings.correct = nanoseconds(start);
         let pose = estimator.pose();
+        match &innovation {
+            Ok(_) => unobservable(z, &pose, scale, &mut report.unobservable),
+            Err(e) => note(report, e),
+        }
+        let innovation = innovation.ok();
         let quality = Some(z.quality(&pose.mean));
         Assessment { quality, innovation, log_det: pose.scaled_log_det(scale) }
     }
@@ -154,29 +176,36 @@ where
     fn measure_and_correct(&mut self, evidence: &Evidence, report: &mut StepReport) -> Assessment {
         let start = Instant::now();
         let prior = self.estimator.pose();
-        for modality in &mut self.modalities {
-            match modality.measure(evidence, &prior) {
-                Ok(_) => {}
+        for (modality, seen) in self.modalities.iter_mut().zip(&mut self.seen) {
+            let outcome = modality.measure(evidence, &prior);
+            *seen = matches!(outcome, Ok(Some(_)));
+            match outcome {
                 // In an asynchronous system a sensor has nothing in most steps: no failure.
-                Err(MeasureError::MissingFrame { .. }) => {}
-                Err(e) => report.failure = Some(e.to_string()),
+                Ok(_) | Err(MeasureError::MissingFrame { .. }) => {}
+                Err(e) => note(report, e),
             }
         }
         report.timings.measure += nanoseconds(start);
-        let mut parts: [Option<&dyn Measurement<P>>; MOST_PARTS] = [None; MOST_PARTS];
-        let mut count = 0;
-        for z in self.modalities.iter().filter_map(|m| m.last()) {
-            parts[count] = Some(z);
+        // What a modality measured in an earlier step is no measurement of this one.
+        let mut parts =
+            self.modalities.iter().zip(&self.seen).filter(|(_, seen)| **seen).filter_map(|(m, _)| m.last());
+        let Some(first) = parts.next() else { return self.unmeasured() };
+        let (mut few, mut many) = ([first; FEW], vec![]);
+        let mut count = 1;
+        for z in parts {
+            if count < FEW {
+                few[count] = z;
+            } else {
+                many.extend(if many.is_empty() { few.as_slice() } else { &[] });
+                many.push(z);
+            }
             count += 1;
         }
-        match (count, parts[0]) {
-            (0, _) | (_, None) => self.unmeasured(),
-            (1, Some(z)) => Self::correct(self.estimator.as_mut(), &self.scale, z, report),
-            (_, Some(first)) => {
-                let mut all = [first; MOST_PARTS];
-                all.iter_mut().zip(parts.iter().flatten()).for_each(|(slot, z)| *slot = *z);
-                Self::correct(self.estimator.as_mut(), &self.scale, &Stacked(&all[..count]), report)
-            }
+        let estimator = self.estimator.as_mut();
+        match (count, many.as_slice()) {
+            (1, _) => Self::correct(estimator, &self.scale, first, report),
+            (_, []) => Self::correct(estimator, &self.scale, &Stacked(&few[..count]), report),
+            (_, all) => Self::correct(estimator, &self.scale, &Stacked(all), report),
         }
     }
 
@@ -197,6 +226,11 @@ where
         report.timings.assess = nanoseconds(start);
     }
 
+    /// True when the target may be re-initialised in the step to come.
+    fn searching(&self) -> bool {
+        self.reinitializer.is_some() && self.status != Status::Tracking
+    }
+
     /// Tries every proposed prior on this frame and keeps the one that the data support best, if it is not itself
     /// judged a loss.
     fn reinitialize(&mut self, evidence: &Evidence, report: &mut StepReport) {
@@ -204,10 +238,11 @@ where
         let start = Instant::now();
         let mut proposals = core::mem::take(&mut self.proposals);
         proposals.clear();
-        if let Err(e) = reinitializer.propose(evidence, &self.trusted, &mut proposals) {
-            report.failure = Some(e.to_string());
+        match reinitializer.propose(evidence, &self.trusted, &mut proposals) {
+            Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
+            Err(e) => note(report, e),
         }
-        let mut best: Option<(f64, Gaussian<P>, Assessment)> = None;
+        let mut best: Option<(f64, Gaussian<P>, Vec<f64>, Assessment)> = None;
         for prior in &proposals {
             if self.estimator.reset(prior).is_err() {
                 continue;
@@ -215,15 +250,17 @@ where
             let figures = self.measure_and_correct(evidence, report);
             let Some(quality) = figures.quality else { continue };
             if best.as_ref().is_none_or(|(score, ..)| quality.log_ratio > *score) {
-                best = Some((quality.log_ratio, self.estimator.pose(), figures));
+                let unobservable = core::mem::take(&mut report.unobservable);
+                best = Some((quality.log_ratio, self.estimator.pose(), unobservable, figures));
             }
         }
         self.proposals = proposals;
         self.loss.reset();
         let accepted = best.filter(|(.., figures)| self.loss.assess(figures).loss_probability < 0.5);
         match accepted {
-            Some((_, pose, figures)) => {
+            Some((_, pose, unobservable, figures)) => {
                 self.loss.reset();
+                report.unobservable = unobservable;
                 // A pose that was just read off a picture is a valid prior; if not, the target stays where it was.
                 if self.estimator.reset(&pose).is_ok() {
                     report.reinitialized = true;
@@ -232,6 +269,7 @@ where
             }
             None => {
                 let _ = self.estimator.reset(&self.trusted);
+                report.posterior.set(&self.estimator.pose());
                 report.verdict.status = Status::Lost;
                 self.status = Status::Lost;
             }
@@ -262,21 +300,28 @@ where
 
     fn requests(&self, out: &mut Vec<(EvidenceKey, Option<Roi>)>) {
         let prior = self.estimator.pose();
+        // Other priors than this one may be tried.
+        let anywhere = self.searching();
         for modality in &self.modalities {
-            let region = modality.region(&prior);
+            let region = if anywhere { None } else { modality.region(&prior) };
             out.extend(modality.needs().iter().map(|key| (key.clone(), region)));
         }
-        if let (Status::Lost, Some(r)) = (self.status, &self.reinitializer) {
+        if let (true, Some(r)) = (anywhere, &self.reinitializer) {
             out.extend(r.needs().iter().map(|key| (key.clone(), None)));
         }
     }
 
     fn update(&mut self, evidence: &Evidence, reports: &mut [StepReport]) {
         let [report] = reports else { return };
+        if !watched(&self.sensors, evidence) {
+            return self.coast(evidence, report);
+        }
+        // Only then the whole picture was asked for.
+        let searching = self.searching();
         self.open(evidence, report);
         let figures = self.measure_and_correct(evidence, report);
         self.conclude(figures, report);
-        if self.status == Status::Lost {
+        if searching && self.status == Status::Lost {
             self.reinitialize(evidence, report);
         }
     }
@@ -286,6 +331,44 @@ where
         for modality in &self.modalities {
             modality.sketch(&pose, out);
         }
+    }
+}
+
+/// Directions that `z` does not determine at the posterior `pose`, as unit tangent vectors; those that are locked (no
+/// variance) are nobody's question. Judged in units of `scale`, so that metres and radians compare.
+fn unobservable<P: Manifold>(
+    z: &dyn Measurement<P>,
+    pose: &Gaussian<P>,
+    scale: &Tangent<P>,
+    out: &mut Vec<f64>,
+) where
+    DefaultAllocator: Alloc<P::D>,
+{
+    out.clear();
+    let mut data = NormalEquations::empty(&pose.mean);
+    z.normal_equations(&pose.mean, &mut data);
+    let mut covariance = pose.covariance.clone();
+    for r in 0..scale.len() {
+        for c in 0..scale.len() {
+            data.information[(r, c)] *= scale[r] * scale[c];
+            covariance[(r, c)] /= scale[r] * scale[c];
+        }
+    }
+    let locked = LOCKED * covariance.diagonal().max();
+    for null in Spectrum::new(&data.information, RANK_TOLERANCE).unobservable() {
+        if null.dot(&(&covariance * null)) > locked {
+            out.extend(null.component_mul(scale).normalize().iter());
+        }
+    }
+}
+
+/// Adds a failure to those of this step, once.
+fn note(report: &mut StepReport, failure: impl core::fmt::Display) {
+    let failure = failure.to_string();
+    match &mut report.failure {
+        Some(all) if all.contains(&failure) => {}
+        Some(all) => *all += &format!("; {failure}"),
+        none => *none = Some(failure),
     }
 }
 

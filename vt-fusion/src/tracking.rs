@@ -36,7 +36,8 @@ impl TrackingLoop {
 
     /// Takes in the frames of one point in time, of one sensor or of several at once, and reports on every target.
     /// Between steps any amount of time may pass; a frame that is older than the step before counts as
-    /// simultaneous (out-of-sequence handling is the estimators' business).
+    /// simultaneous (out-of-sequence handling is the estimators' business). A target of whose sensors none has a frame
+    /// in this step goes on as predicted and is not judged.
     ///
     /// # Errors
     /// When a prediction stops being finite, or evidence cannot be made. The loop may go on with the next frame.
@@ -44,9 +45,10 @@ impl TrackingLoop {
         self.evidence.begin(frames);
         let now = self.evidence.frames().iter().map(|f| f.time).max().ok_or(StepError::NoFrames)?;
         let dt = self.time.map_or(Seconds(0.0), |before| Seconds((now - before).0.max(0.0)));
-        self.time = Some(now);
+        self.time = self.time.max(Some(now));
         if dt.0 > 0.0 {
-            self.targets.par_iter_mut().try_for_each(|t| t.predict(dt))?;
+            // All of them, whatever becomes of one; the first error in their order.
+            self.targets.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?;
         }
         self.requests.clear();
         for target in &self.targets {

@@ -1,1 +1,0 @@
-//! The edge task on the sequences that ViSP ships, without the task language.

@@ -1,0 +1,156 @@
+//! The edge tracker on the sequences that ViSP ships: accuracy bounds, levels, loose and tight mode, determinism.
+
+use std::path::PathBuf;
+
+use vt_core::lie::SE3;
+use vt_core::report::{Status, StepReport};
+use vt_tests::data;
+use vt_tests::replay::{Replay, Run};
+
+fn task(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../vt-apps/tasks").join(name)
+}
+
+fn run(name: &str, set: &[&str]) -> Run {
+    Replay::load(task(name), set).expect("the task loads").run().expect("the task runs")
+}
+
+/// Mean and maximum of the translation error in millimetres and of the rotation error in degrees.
+fn errors(run: &Run) -> [f64; 4] {
+    let target = &run.summary.targets[0];
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let max = |v: &[f64]| v.iter().copied().fold(0.0, f64::max);
+    let (t, r) = (&target.translation_errors, &target.rotation_errors);
+    assert_eq!(t.len(), run.reports.len(), "every frame is tracked and has truth");
+    [1e3 * mean(t), 1e3 * max(t), mean(r).to_degrees(), max(r).to_degrees()]
+}
+
+fn assert_within(name: &str, errors: [f64; 4], bounds: [f64; 4]) {
+    println!("{name}: T {:.3} / {:.3} mm, R {:.3} / {:.3} deg", errors[0], errors[1], errors[2], errors[3]);
+    for k in 0..4 {
+        assert!(errors[k] <= bounds[k], "{name}: {errors:?} exceed {bounds:?}");
+    }
+}
+
+fn pose(report: &StepReport) -> SE3 {
+    report.posterior.get::<SE3>().expect("a rigid pose").mean
+}
+
+const CASTLE_BOUND: [f64; 4] = [0.8, 3.5, 0.2, 1.0];
+
+#[test]
+fn castle_is_tracked_from_grey_edges_alone() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    assert_within("castle", errors(&run("castle-simu.toml", &[])), CASTLE_BOUND);
+    assert_within("castle and cube", errors(&run("castle-cube-simu.toml", &[])), CASTLE_BOUND);
+    // The bound holds with the principal point as the data set states it, half a pixel off our convention, too.
+    let centre = "sensors.camera.camera.center=[\"320 px\", \"240 px\"]";
+    assert_within("castle, half a pixel off", errors(&run("castle-simu.toml", &[centre])), CASTLE_BOUND);
+}
+
+#[test]
+fn every_level_tracks_the_castle() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    let level = |name: &str| format!("targets.castle.modalities.edges.level={name}");
+    let twice = CASTLE_BOUND.map(|v| 2.0 * v);
+    let object = run("castle-simu.toml", &[&level("object"), "targets.castle.estimator.params.iterations=1"]);
+    assert_within("object level", errors(&object), twice);
+    assert_within("feature level", errors(&run("castle-simu.toml", &[&level("feature")])), twice);
+}
+
+#[test]
+fn pixel_level_tracks_the_castle_with_particles() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    let edges = "targets.castle.modalities.edges.params";
+    let pixel = run(
+        "castle-simu.toml",
+        &[
+            "targets.castle.modalities.edges.level=pixel",
+            &format!("{edges}.sigma=2 px"),
+            &format!("{edges}.range=[\"9 px\", \"30 px\"]"),
+            &format!("{edges}.step=16 px"),
+            &format!("{edges}.temperature=6"),
+            "targets.castle.estimator.kind=particle",
+            "targets.castle.estimator.params.particles=2000",
+        ],
+    );
+    assert_within("pixel level", errors(&pixel), CASTLE_BOUND.map(|v| 5.0 * v));
+}
+
+#[test]
+fn cube_returns_to_where_it_started() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    for file in ["cube.wrl", "cube.cao"] {
+        let model = format!("models.cube.shape.params.parts.0.file=${{VISP_IMAGES}}/mbt/{file}");
+        let run = run("cube.toml", &["sensors.camera.params.order=ping-pong", &model]);
+        assert_eq!(run.reports.len(), 435);
+        assert!(run.reports.iter().all(|r| r.verdict.status == Status::Tracking), "{file}: never lost");
+        let (first, last) = (pose(&run.reports[0]), pose(&run.reports[434]));
+        let t = 1e3 * (first.translation - last.translation).norm();
+        let r = first.rotation.angle_to(&last.rotation).to_degrees();
+        println!("{file}: {t:.3} mm, {r:.3} deg");
+        assert!(t < 1.0 && r < 0.3, "{file}: {t} mm, {r} deg");
+    }
+}
+
+/// Object level through a linear update and feature level in one solve with the prior use the same data and count the
+/// prior once: the first frame's posteriors agree to a small part of their deviation.
+#[test]
+fn loose_and_tight_mode_agree_on_one_frame() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    let level = |name: &str| format!("targets.castle.modalities.edges.level={name}");
+    // A prior about as strong as the data and two deviations off: counted twice or not at all, it would show.
+    let strong = [
+        "targets.castle.init.params.sigma={translation=\"0.1 mm\", rotation=\"0.02 deg\"}",
+        "targets.castle.init.params.offset.translation=[\"0.2 mm\", \"-0.2 mm\", \"0.2 mm\"]",
+    ];
+    let first = |set: &[&str]| {
+        let set: Vec<&str> = set.iter().chain(&strong).copied().collect();
+        let replay = Replay::load(task("castle-simu.toml"), &set).expect("the task loads");
+        let (mut tracking, _) = replay.start().expect("the task starts");
+        let report = tracking.step([replay.frames()[0].clone()]).expect("a step")[0].clone();
+        report.posterior.get::<SE3>().expect("a rigid pose")
+    };
+    let loose = first(&[&level("object"), "targets.castle.estimator.params.iterations=1"]);
+    let tight = first(&[&level("feature"), "targets.castle.estimator.params.iterations=10"]);
+    let apart = tight.nees(&loose.mean).expect("a positive definite covariance").sqrt();
+    println!("loose and tight lie {apart:.4} deviations apart");
+    assert!(apart < 0.05, "{apart} deviations");
+    let ratio = loose.covariance.determinant() / tight.covariance.determinant();
+    assert!((ratio - 1.0).abs() < 0.02, "determinants differ by the factor {ratio}");
+}
+
+#[test]
+fn threads_and_repetition_do_not_change_a_bit() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    let edges = "targets.castle.modalities.edges";
+    let particles: [&str; 4] = [
+        &format!("{edges}.level=pixel"),
+        &format!("{edges}.params.step=40 px"),
+        "targets.castle.estimator.kind=particle",
+        "targets.castle.estimator.params.particles=300",
+    ];
+    for set in [&[][..], &particles[..]] {
+        let replay = Replay::load(task("castle-simu.toml"), set).expect("the task loads");
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let run = pool.install(|| replay.run()).expect("the task runs");
+            run.reports.into_iter().map(|r| r.posterior).collect::<Vec<_>>()
+        };
+        let once = with(1);
+        assert!(once == with(2), "one and two threads differ");
+        assert!(once == with(1), "two runs differ");
+    }
+}

@@ -1,0 +1,10 @@
+//! What every estimator must do, against closed forms, batch solutions and simulated truth.
+
+mod assignment;
+mod consistency;
+mod linear;
+mod loose_and_tight;
+mod particles;
+mod posterior;
+mod prediction;
+mod problems;

@@ -1,0 +1,8 @@
+//! Fusion of measurements and the tracking loop, on sensors that deliver numbers.
+
+mod groups;
+mod loops;
+mod losses;
+mod observability;
+mod sensors;
+mod static_fusion;

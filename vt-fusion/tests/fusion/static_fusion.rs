@@ -1,0 +1,116 @@
+//! Stacking, updating one after the other and summing information are one on linear problems.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use vt_core::belief::Gaussian;
+use vt_core::laws::{MeasurementTolerance, check_measurement, for_each};
+use vt_core::lie::{DynVector, LieGroup, SE3};
+use vt_core::manifold::{Manifold, Square};
+use vt_core::measurement::{Level, Linearized, Measurement, Quality};
+use vt_core::pose_measurement::PoseMeasurement;
+use vt_estimators::map::maximum_a_posteriori;
+use vt_fusion::stacked::Stacked;
+
+use crate::sensors::{SUPPORTED, random};
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 60, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default()
+    })]
+
+    /// Parts of any rank, from nothing to everything.
+    #[test]
+    fn stacked_is_sequential_is_summed(seed: u64, n in 1_usize..6, parts in 0_usize..5) {
+        let random = &mut random(seed);
+        let mut matrix = |rows, columns| DMatrix::from_fn(rows, columns, |_, _| random.normal());
+        let side = matrix(n, n);
+        let covariance = &side * side.transpose() + DMatrix::identity(n, n) * 0.1;
+        let prior = Gaussian { mean: DynVector(matrix(n, 1).column(0).into_owned()), covariance };
+        let parts: Vec<PoseMeasurement<DynVector>> = (0..parts)
+            .map(|k| {
+                let rows = matrix(k % (n + 1), n);
+                let z = DynVector(matrix(n, 1).column(0).into_owned());
+                PoseMeasurement::new(z, rows.tr_mul(&rows), SUPPORTED)
+            })
+            .collect();
+        let list: Vec<&dyn Measurement<DynVector>> = parts.iter().map(|z| z as _).collect();
+        let (stacked, at_once) = maximum_a_posteriori(&prior, &Stacked(&list), 1).expect("finite");
+
+        let mut sequential = prior.clone();
+        let mut log_evidence = 0.0;
+        for z in &list {
+            let (next, innovation) = maximum_a_posteriori(&sequential, *z, 1).expect("finite");
+            sequential = next;
+            log_evidence += innovation.log_evidence;
+        }
+        prop_assert!((at_once.log_evidence - log_evidence).abs() < 1e-9 * (1.0 + log_evidence.abs()));
+
+        let mut information = prior.covariance.clone().try_inverse().expect("regular");
+        let mut vector: DVector<f64> = &information * &prior.mean.0;
+        for z in &parts {
+            information += z.information();
+            vector += z.information() * &z.pose().0;
+        }
+        let covariance = information.try_inverse().expect("regular");
+        for (mean, spread) in [(&sequential.mean.0, &sequential.covariance), (&(&covariance * vector), &covariance)] {
+            prop_assert!((&stacked.mean.0 - mean).amax() < 1e-9, "{} {mean}", stacked.mean.0);
+            prop_assert!((&stacked.covariance - spread).amax() < 1e-9, "{} {spread}", stacked.covariance);
+        }
+    }
+}
+
+fn some_pose(seed: u64) -> SE3 {
+    let random = &mut random(seed);
+    SE3::exp(&Vector6::from_fn(|_, _| 0.5 * random.normal()))
+}
+
+fn parts() -> [PoseMeasurement<SE3>; 2] {
+    let near = some_pose(1).retract(&Vector6::repeat(0.05));
+    let partial = Square::<SE3>::from_diagonal(&Vector6::new(10.0, 0.0, 3.0, 0.0, 5.0, 0.0));
+    let other = Quality { expected: 3, inliers: 1, inlier_ratio: 0.5, log_ratio: 0.2, normalized_rms: 2.0 };
+    [
+        PoseMeasurement::new(some_pose(1), Square::<SE3>::identity() * 4.0, SUPPORTED),
+        PoseMeasurement::new(near, partial, other),
+    ]
+}
+
+#[test]
+fn a_stack_is_a_measurement() {
+    let [a, b] = parts();
+    let tolerance = MeasurementTolerance { step: 1e-3, ..MeasurementTolerance::default() };
+    for_each(2_u64..1000, |seed| {
+        let pose = some_pose(1).retract(&(some_pose(seed).log() * 0.5));
+        for list in [&[&a as &dyn Measurement<SE3>, &b][..], &[&b], &[&a, &a, &b]] {
+            check_measurement(&Stacked(list), &pose, tolerance);
+        }
+    });
+}
+
+/// More hypotheses than are weighed at once.
+#[test]
+fn long_batches_are_many_short_ones() {
+    let [a, b] = parts();
+    let both = Stacked(&[&a, &b]);
+    let poses: Vec<SE3> = (0..200).map(some_pose).collect();
+    let (mut long, mut first, mut second) = (vec![f64::NAN; 200], vec![0.0; 200], vec![0.0; 200]);
+    both.log_likelihoods(&poses, &mut long);
+    a.log_likelihoods(&poses, &mut first);
+    b.log_likelihoods(&poses, &mut second);
+    assert!((0..200).all(|k| long[k] == first[k] + second[k]));
+}
+
+#[test]
+fn figures_add_up() {
+    let [a, b] = parts();
+    let both = Stacked(&[&a, &b]);
+    let q = both.quality(&some_pose(1));
+    assert_eq!((q.expected, q.inliers, q.inlier_ratio), (4, 2, 0.625));
+    assert!((q.log_ratio - 0.4).abs() < 1e-15 && (q.normalized_rms - 2.5_f64.sqrt()).abs() < 1e-15, "{q:?}");
+    let mut rows = Linearized::default();
+    both.residuals(&some_pose(1), &mut rows);
+    assert_eq!((rows.len(), both.level()), (9, Level::Feature));
+    assert_eq!(Stacked(&[&a as &dyn Measurement<SE3>]).level(), Level::Object);
+    let nothing: Stacked<'_, SE3> = Stacked(&[]);
+    assert_eq!(nothing.quality(&some_pose(1)), Quality::default());
+}
