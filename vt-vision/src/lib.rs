@@ -1,4 +1,4 @@
-//! What is seen: image processing and the visual modalities.
+#![doc = include_str!("../README.md")]
 
 pub mod edge;
 pub mod edge_map;

@@ -150,8 +150,7 @@ impl Camera {
     #[must_use]
     pub fn project_with_jacobian(&self, p_in_camera: &Point3<f64>) -> Option<(Point2<f64>, Matrix2x3<f64>)> {
         let p = p_in_camera;
-        // NaN passes here and fails in the lens.
-        if p.z <= MIN_DEPTH {
+        if p.z.is_nan() || p.z <= MIN_DEPTH {
             return None;
         }
         let inverse = 1.0 / p.z;

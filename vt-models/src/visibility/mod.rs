@@ -63,7 +63,7 @@ pub struct EdgeSite {
     /// At an occluding contour, the side on which the object lies; the other shows background or a clearly
     /// farther surface.
     pub contour: Option<Side>,
-    /// Another visible edge runs nearly parallel within a few pixels.
+    /// Another visible edge runs nearly parallel within a few pixels, or meets this one right beside the site.
     pub ambiguous: bool,
     /// Where it was seen when the list was made.
     pub pixel: Point2<f64>,

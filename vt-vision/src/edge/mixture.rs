@@ -143,9 +143,16 @@ where
     }
 
     /// Gradient and Gauss–Newton matrix of the negative log-likelihood with scale `sigma` at the pose that lies `delta`
-    /// away from the one at which the lines were searched, with the contour linearised there.
-    pub(super) fn linear_equations(&self, delta: &Tangent<P>, sigma: f64, out: &mut NormalEquations<P>) {
+    /// away from the one at which the lines were searched, with the contour linearised there. Returns the summed weight
+    /// of the lines that entered.
+    pub(super) fn linear_equations(
+        &self,
+        delta: &Tangent<P>,
+        sigma: f64,
+        out: &mut NormalEquations<P>,
+    ) -> f64 {
         out.clear();
+        let mut total = 0.0;
         let information = 1.0 / (sigma * sigma);
         for line in &self.lines {
             let vote = self.vote(line, line.searched_at + line.jacobian.dot(delta), sigma);
@@ -154,9 +161,11 @@ where
                 accumulate_lower(&mut out.information, &line.jacobian, w * vote.probability);
                 out.gradient.axpy(w * vote.pull, &line.jacobian, 1.0);
                 out.rows += 1;
+                total += line.weight * vote.probability;
             }
         }
         out.information.fill_upper_triangle_with_lower_triangle();
+        total
     }
 
     /// Support of a pose by the lines.

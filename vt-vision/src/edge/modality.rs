@@ -85,6 +85,11 @@ where
         }
     }
 
+    /// The pose that the last call of `measure` found, at object level.
+    pub fn object(&self) -> Option<&PoseMeasurement<P>> {
+        self.object.as_ref().filter(|_| self.seen)
+    }
+
     /// Searches edges along the normals of the contour at `pose`, whose error has the covariance `spread`, in the
     /// picture of a pyramid level. Returns the root mean square of the predicted deviation along the normals in pixels
     /// of the full picture, `None` without any line.
@@ -183,14 +188,14 @@ where
         let mut delta = pose.zero();
         let mut scale = 1.0;
         for _ in 0..self.params.iterations {
-            mixture.linear_equations(&delta, sigma, equations);
+            let weight = mixture.linear_equations(&delta, sigma, equations);
             let mut system = root.tr_mul(&(&equations.information * root));
             for k in 0..system.nrows() {
                 system[(k, k)] += TIE;
             }
             let Some(factor) = cholesky(system) else { break };
             let step = root * factor.solve(&root.tr_mul(&equations.gradient));
-            scale = sigma * sigma / (equations.rows as f64).max(1.0);
+            scale = if weight > 0.0 { sigma * sigma / weight } else { 0.0 };
             let motion = ((&equations.information * &step).dot(&step) * scale).max(0.0).sqrt();
             delta += step;
             if sigma <= last && motion < STILL {

@@ -108,13 +108,17 @@ where
         }
     }
 
-    /// Rows of the most probable edge on every normal, weighted by its probability.
+    /// Mean residual of the edges on every normal under their probabilities, weighted by the probability that one of
+    /// them is the contour's: the rows whose normal equations are those of the likelihood.
     fn residuals(&self, at: &P, out: &mut Linearized<P>) {
         out.clear();
         let variance = self.sigma * self.sigma / self.weight;
-        self.each(at, |c, posed, _, normal, vote, found| {
-            let (Some((k, probability)), Some(j)) = (vote.best, Self::jacobian(posed, c)) else { return };
-            out.push(found[k], j.tr_mul(&normal), variance, probability);
+        self.each(at, |c, posed, _, normal, vote, _| {
+            if vote.probability == 0.0 {
+                return;
+            }
+            let Some(j) = Self::jacobian(posed, c) else { return };
+            out.push(vote.pull / vote.probability, j.tr_mul(&normal), variance, vote.probability);
         });
     }
 

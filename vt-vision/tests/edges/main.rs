@@ -1,0 +1,8 @@
+//! The edge modality on pictures whose pose is known.
+
+mod accuracy;
+mod duality;
+mod failures;
+mod observability;
+mod scene;
+mod shapes;
