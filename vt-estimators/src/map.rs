@@ -210,7 +210,7 @@ where
     y
 }
 
-/// Covariance moved from the chart at `x` to the chart at `x ⊞ δ` ("reset", FIELD.md §2.15).
+/// Covariance moved from the chart at `x` to the chart at `x ⊞ δ` (reset of an error-state filter).
 fn reset<S: Manifold>(x: &S, delta: &Tangent<S>, covariance: Square<S>) -> Square<S>
 where
     DefaultAllocator: Alloc<S::D>,

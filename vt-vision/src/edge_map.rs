@@ -9,6 +9,10 @@ use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::gradient::Gradient;
+use crate::noise::noise_deviation;
+
+/// An edge pixel must exceed the noise by this factor; Sobel's mask answers to noise of one grey level with 0.87.
+const NOISE_FACTOR: f64 = 4.0 * 0.87;
 
 /// Directions of the gradient are kept in this many sectors of the full circle.
 const SECTORS: usize = 64;
@@ -30,6 +34,7 @@ pub struct EdgeMap {
     cells: Vec<Cell>,
     gradient: Gradient,
     directions: Vec<Vector2<f64>>,
+    noise: Vec<u16>,
 }
 
 /// An edge pixel.
@@ -57,7 +62,8 @@ impl EdgeMap {
         let Some(r) = self.region else { return };
         let (width, height) = (r.width as usize, r.height as usize);
         self.cells.resize(width * height, Cell::default());
-        let threshold = (min_contrast * Gradient::STEP) as i32;
+        let noise = noise_deviation(image, &mut self.noise);
+        let threshold = (min_contrast.max(NOISE_FACTOR * noise) * Gradient::STEP) as i32;
         let (gx, gy) = (&self.gradient.x, &self.gradient.y);
         for y in 1..height.saturating_sub(1) {
             for x in 1..width.saturating_sub(1) {

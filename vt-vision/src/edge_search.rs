@@ -10,6 +10,9 @@
 use image::GrayImage;
 use nalgebra::{Point2, Vector2};
 
+/// Step in grey levels that pixel noise of one grey level makes on a search line by itself, standard deviation.
+pub const NOISE_GAIN: f64 = 0.65;
+
 /// Longest half range in pixels along the row or column.
 pub const MAX_REACH: usize = 96;
 

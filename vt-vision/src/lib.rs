@@ -4,4 +4,5 @@ pub mod edge;
 pub mod edge_map;
 pub mod edge_search;
 pub mod gradient;
+pub mod noise;
 pub mod pyramid;

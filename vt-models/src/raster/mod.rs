@@ -96,8 +96,13 @@ impl Rasterizer {
         self.viewport = self.object_viewport(&ideal, options);
         let pixels = self.viewport.width * self.viewport.height;
         self.inverse_depth.clear();
-        self.inverse_depth.resize(pixels, 0.0);
         self.ids.clear();
+        // Room for the whole image, so that an object that comes nearer takes no memory.
+        let (width, height) = camera.size();
+        let whole = f64::from(width) * f64::from(height) * options.scale * options.scale;
+        self.inverse_depth.reserve((whole as usize).max(pixels));
+        self.ids.reserve((whole as usize).max(pixels));
+        self.inverse_depth.resize(pixels, 0.0);
         self.ids.resize(pixels, NONE);
         if pixels == 0 {
             return;

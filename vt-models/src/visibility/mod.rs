@@ -142,6 +142,12 @@ impl VisibleEdges {
         self.ideal.clear();
         self.spans.clear();
         self.cut = false;
+        // Sites are thinned only at the end; a view rarely has more than twice the budget before that.
+        self.sites.reserve(2 * options.max_sites);
+        self.ideal.reserve(2 * options.max_sites);
+        self.spans.reserve(edges.edges().len());
+        self.order.clear();
+        self.order.reserve(edges.edges().len());
         let view = View::new(camera, camera_from_object, options.near);
         for (id, edge) in edges.edges().iter().enumerate() {
             self.edge(id as u32, edge, &view, camera, options);

@@ -11,18 +11,25 @@ pub type Sides = [f32; 2];
 /// At an occluding contour only one side belongs to the object: the other shows whatever lies behind, and the step
 /// between them may change its sign from frame to frame. So grey levels are kept for each side, and only those of the
 /// object count. Texture changes along an edge: levels are kept in cells of fixed length.
+///
+/// The cells live in a table of fixed size, each at the place that its edge and number say; two cells at one place
+/// displace each other. It is a cache: what is displaced is only learnt again.
 #[derive(Clone, Debug)]
 pub struct AppearanceMemory {
     cell: f64,
-    edges: Vec<Cells>,
+    table: Vec<Option<Entry>>,
 }
 
-/// Cells of one edge, counted along the edge's direction from its first one.
-#[derive(Clone, Debug, Default)]
-struct Cells {
-    first: i64,
-    levels: Vec<[Option<f32>; 2]>,
+/// A cell of an edge, counted along the edge's direction, with the levels of its sides.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    edge: u32,
+    cell: i64,
+    levels: [Option<f32>; 2],
 }
+
+/// Places in the table, a power of two.
+const PLACES: usize = 4096;
 
 /// Share of a new observation in the running mean.
 const RATE: f32 = 0.2;
@@ -33,9 +40,6 @@ const FLOOR: f64 = 0.2;
 /// Difference in grey levels at which a side has lost half of its weight.
 const TOLERANCE: f64 = 20.0;
 
-/// Most cells of an edge; what lies beyond is not remembered.
-const MOST_CELLS: i64 = 4096;
-
 /// Sides of an edge that belong to the object: one at an occluding contour, otherwise both.
 fn own_sides(contour: Option<Side>) -> [bool; 2] {
     [contour != Some(Side::Positive), contour != Some(Side::Negative)]
@@ -44,21 +48,23 @@ fn own_sides(contour: Option<Side>) -> [bool; 2] {
 impl AppearanceMemory {
     /// A memory with cells of this length in metres.
     pub fn new(cell: f64) -> Self {
-        Self { cell, edges: vec![] }
+        Self { cell, table: vec![None; PLACES] }
     }
 
     fn cell(&self, p: &Point3<f64>, tangent: &Vector3<f64>) -> i64 {
         (p.coords.dot(tangent) / self.cell).floor() as i64
     }
 
+    /// Neighbouring cells of an edge lie side by side, edges far apart (multiplicative hashing, Knuth).
+    fn place(edge: u32, cell: i64) -> usize {
+        ((u64::from(edge) * 2_654_435_761).wrapping_add(cell as u64) % PLACES as u64) as usize
+    }
+
     /// The levels remembered at the place `p` of the edge `edge` with direction `tangent`.
     pub fn recall(&self, edge: u32, p: &Point3<f64>, tangent: &Vector3<f64>) -> [Option<f32>; 2] {
-        let known = || {
-            let cells = self.edges.get(edge as usize)?;
-            let index = self.cell(p, tangent).checked_sub(cells.first)?;
-            cells.levels.get(usize::try_from(index).ok()?).copied()
-        };
-        known().unwrap_or_default()
+        let cell = self.cell(p, tangent);
+        let entry = self.table[Self::place(edge, cell)].filter(|e| e.edge == edge && e.cell == cell);
+        entry.map(|e| e.levels).unwrap_or_default()
     }
 
     /// Prior weight of an edge with levels `seen` where `known` is remembered; 1 where nothing is known.
@@ -83,34 +89,19 @@ impl AppearanceMemory {
         seen: Sides,
     ) {
         let cell = self.cell(p, tangent);
-        if self.edges.len() <= edge as usize {
-            self.edges.resize(edge as usize + 1, Cells::default());
-        }
-        let cells = &mut self.edges[edge as usize];
-        if cells.levels.is_empty() {
-            cells.first = cell;
-        }
-        let Some(index) = cell.checked_sub(cells.first) else { return };
-        if index.abs() > MOST_CELLS {
-            return;
-        }
-        if index < 0 {
-            cells.levels.splice(0..0, core::iter::repeat_n([None; 2], index.unsigned_abs() as usize));
-            cells.first = cell;
-        }
-        let index = index.max(0) as usize;
-        if cells.levels.len() <= index {
-            cells.levels.resize(index + 1, [None; 2]);
-        }
+        let place = &mut self.table[Self::place(edge, cell)];
+        let known = place.filter(|e| e.edge == edge && e.cell == cell).map(|e| e.levels);
+        let mut levels = known.unwrap_or_default();
         let own = own_sides(contour);
-        for (k, slot) in cells.levels[index].iter_mut().enumerate().filter(|(k, _)| own[*k]) {
+        for (k, slot) in levels.iter_mut().enumerate().filter(|(k, _)| own[*k]) {
             *slot = Some(slot.map_or(seen[k], |mean| mean + RATE * (seen[k] - mean)));
         }
+        *place = Some(Entry { edge, cell, levels });
     }
 
     /// Forgets everything, after a re-initialisation.
     pub fn clear(&mut self) {
-        self.edges.iter_mut().for_each(|cells| cells.levels.clear());
+        self.table.fill(None);
     }
 }
 

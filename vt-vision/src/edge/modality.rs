@@ -18,7 +18,8 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::AppearanceMemory;
 use super::mixture::{EdgeMixture, Line, LineEdge};
 use super::params::{EdgeParams, Hypotheses};
-use crate::edge_search::{EdgeCandidate, SearchLine, Searched, search};
+use crate::edge_search::{EdgeCandidate, NOISE_GAIN, SearchLine, Searched, search};
+use crate::noise::noise_deviation;
 use crate::pyramid::{Pyramid, PyramidProcessing, to_level};
 use vt_models::visibility::EdgeSite;
 
@@ -42,9 +43,18 @@ where
     equations: Option<NormalEquations<P>>,
     memory: AppearanceMemory,
     found: Vec<EdgeCandidate>,
+    /// Smallest step that counts as an edge in this frame, grey levels.
+    min_contrast: f64,
+    noise: Vec<u16>,
     deviations: Vec<f64>,
     seen: bool,
 }
+
+/// Lines for which there is room from the start; with more, the buffers grow once.
+const ROOM: usize = 1024;
+
+/// An edge must stand out from what noise alone does by this factor.
+pub(super) const NOISE_FACTOR: f64 = 4.0;
 
 /// Stop aligning when the contour moves less than this on average, pixels.
 const STILL: f64 = 0.01;
@@ -66,7 +76,9 @@ where
     /// `diameter` is the size of the model in metres.
     pub fn new(params: EdgeParams, sensor: SensorId, warp: W, visibility: V, diameter: f64) -> Self {
         let clutter = params.miss_probability * params.clutter_density;
-        let mixture = EdgeMixture::new(warp, params.sigma, clutter);
+        let mut mixture = EdgeMixture::new(warp, params.sigma, clutter);
+        mixture.lines.reserve(ROOM);
+        mixture.edges.reserve(ROOM * params.max_candidates);
         let coarse = params.coarse_levels;
         let needs = if coarse > 0 { vec![PyramidProcessing::key_for(sensor, coarse)] } else { vec![] };
         Self {
@@ -75,12 +87,14 @@ where
             needs,
             visibility,
             probe: 1e-4 * diameter,
-            features: EdgeFeatures { rows: vec![], mixture },
+            features: EdgeFeatures { rows: Vec::with_capacity(ROOM), mixture },
             object: None,
             equations: None,
             memory: AppearanceMemory::new(0.03 * diameter),
-            found: vec![],
-            deviations: vec![],
+            found: Vec::with_capacity(params.max_candidates + 1),
+            min_contrast: params.min_contrast,
+            noise: vec![],
+            deviations: Vec::with_capacity(ROOM),
             seen: false,
         }
     }
@@ -124,7 +138,7 @@ where
             let at = Point2::new(to_level(y.x, level), to_level(y.y, level));
             let line = SearchLine { at, normal, range };
             self.found.clear();
-            let (contrast, most) = (self.params.min_contrast, self.params.max_candidates);
+            let (contrast, most) = (self.min_contrast, self.params.max_candidates);
             if search(image, &line, contrast, most, &mut self.found) == Searched::Outside {
                 continue;
             }
@@ -291,6 +305,8 @@ where
             return Err(MeasureError::Prediction("the predicted pose is not finite"));
         }
         let image = evidence.frame(self.sensor)?.grey()?;
+        let noise = noise_deviation(image, &mut self.noise);
+        self.min_contrast = self.params.min_contrast.max(NOISE_FACTOR * NOISE_GAIN * noise);
         let pyramid = match self.needs.first() {
             Some(key) => Some(evidence.get::<Pyramid>(key)?),
             None => None,
