@@ -11,15 +11,20 @@ use crate::scene::{FREE, Solid, pose, prior, show, tangent};
 use crate::shapes::{camera, cylinder, plate};
 
 /// Information of both levels at the pose measured, and how far that pose is from the prior.
-fn measured(solid: &Solid, truth: &SE3, offset: &Vector6<f64>) -> Vec<(NormalEquations<SE3>, Vector6<f64>)> {
+fn measured(
+    solid: &Solid,
+    truth: &SE3,
+    offset: &Vector6<f64>,
+    params: EdgeParams,
+) -> Vec<(NormalEquations<SE3>, Vector6<f64>)> {
     let camera = camera();
     let mut evidence = Evidence::default();
     show(&mut evidence, solid.draw(&camera, truth));
     let prior = prior(truth, offset, 0.002, 2.0);
-    let mut object = solid.modality(&camera, EdgeParams { level: Level::Object, ..Default::default() }, FREE);
+    let mut object = solid.modality(&camera, EdgeParams { level: Level::Object, ..params }, FREE);
     object.measure(&evidence, &prior).unwrap().expect("edges");
     let pose = *object.object().unwrap().pose();
-    let mut features = solid.modality(&camera, EdgeParams::default(), FREE);
+    let mut features = solid.modality(&camera, params, FREE);
     features.measure(&evidence, &prior).unwrap().expect("edges");
     let last = [object.last().unwrap(), features.last().unwrap()];
     last.map(|z| {
@@ -35,7 +40,8 @@ fn measured(solid: &Solid, truth: &SE3, offset: &Vector6<f64>) -> Vec<(NormalEqu
 fn a_beam_without_visible_ends_has_no_information_along_itself() {
     let beam = plate(2.0, 0.05);
     let truth = pose([0.0, 0.0, 20.0], [0.0, 0.0, 0.4]);
-    for (equations, moved) in measured(&beam, &truth, &tangent([0.004, 0.002, 0.0], [0.0, 0.0, 2.0])) {
+    let offset = tangent([0.004, 0.002, 0.0], [0.0, 0.0, 2.0]);
+    for (equations, moved) in measured(&beam, &truth, &offset, EdgeParams::default()) {
         let a = &equations.information;
         assert!(equations.rows > 0);
         // Normals are those of the last search, which ended less than a thousandth of a radian from the pose.
@@ -51,18 +57,23 @@ fn a_cylinder_has_almost_no_information_about_its_axis() {
     let radius = 0.04;
     let solid = cylinder(radius, 0.06, 64);
     let truth = pose([60.0, 0.0, 15.0], [0.0, 0.0, 0.3]);
-    for (equations, moved) in measured(&solid, &truth, &tangent([0.002, 0.001, 0.0], [2.0, 1.0, 2.0])) {
-        let a = &equations.information;
-        // A turn by 1 rad moves the surface by one radius.
-        let share = a[(5, 5)] / (radius * radius * a[(0, 0)]);
-        assert!(equations.rows > 0 && share < 0.01, "share {share}");
-        // The facets alone show the turn: whatever was found lies within the deviation claimed.
-        let deviation = 1.0 / a[(5, 5)].sqrt();
-        assert!(
-            deviation > 0.05 && moved[5].abs() < 2.0 * deviation,
-            "turned {}, claimed {deviation}",
-            moved[5]
-        );
-        assert!((moved[3].to_degrees() + 2.0).abs() < 0.2, "tilted {}", moved[3]);
+    let offset = tangent([0.002, 0.001, 0.0], [2.0, 1.0, 2.0]);
+    // Errors correlated over most of a long edge, and the default: the claim scales with it, the rest must not.
+    let long = EdgeParams { correlation_length: 48.0, ..Default::default() };
+    for (params, least) in [(long, 0.1), (EdgeParams::default(), 0.0)] {
+        for (equations, moved) in measured(&solid, &truth, &offset, params) {
+            let a = &equations.information;
+            // A turn by 1 rad moves the surface by one radius.
+            let share = a[(5, 5)] / (radius * radius * a[(0, 0)]);
+            assert!(equations.rows > 0 && share < 0.01, "share {share}");
+            // The facets alone show the turn: whatever was found lies within the deviation claimed.
+            let deviation = 1.0 / a[(5, 5)].sqrt();
+            assert!(
+                deviation > least && moved[5].abs() < 2.0 * deviation,
+                "turned {}, claimed {deviation}",
+                moved[5]
+            );
+            assert!((moved[3].to_degrees() + 2.0).abs() < 0.2, "tilted {}", moved[3]);
+        }
     }
 }
