@@ -1,16 +1,22 @@
 //! The simulated camera, and a model made in code.
 
+use std::sync::Arc;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
+use vt_core::lie::LieGroup;
 use vt_core::lie::SE3;
 use vt_io::truth::Truth;
 use vt_models::mesh::Shape;
+use vt_sim::backdrop::{self, Background};
 use vt_sim::bracket::bracket as bracket_mesh;
 use vt_sim::camera::{Settings, SimulatedCamera};
+use vt_sim::light::Lighting;
+use vt_sim::noise::Noise;
 use vt_sim::path::SmoothPath;
-use vt_sim::scene::Scene;
-use vt_sim::texture::{Background, Texture};
+use vt_sim::scene::{Body, Object, World};
+use vt_sim::texture::Texture;
 
 use crate::geometry::PoseText;
 use crate::language::Picture;
@@ -183,25 +189,30 @@ pub(super) fn simulated(p: Simulated, context: SensorContext<'_>) -> Result<Sens
     };
     let texture = match p.texture {
         TextureParams::Plain(p) => Texture::Plain(p.brightness),
-        TextureParams::Faces => Texture::Faces,
+        TextureParams::Faces => Texture::Faces { from: 0.35, to: 0.85 },
         TextureParams::Squares(s) => Texture::Squares { size: s.size.si(), contrast: s.contrast },
     };
     let background = match p.background {
         BackgroundParams::Plain(p) => Background::Plain(p.brightness),
         BackgroundParams::Clutter(c) => {
-            Background::Clutter { size: c.size.si(), brightness: c.brightness, contrast: c.contrast }
+            let (size, brightness, contrast) = (c.size.si(), c.brightness, c.contrast);
+            Background::Clutter(backdrop::Clutter { size, density: 0.35, brightness, contrast })
         }
     };
-    let scene = Scene::new(mesh, *camera, context.seed).with_texture(texture).with_background(background);
+    let body = Body::new(mesh, texture, context.seed);
+    let object = Object { name: p.model.clone(), body, path: path.into() };
+    let (objects, lighting, seed) = (vec![object], Lighting::default(), context.seed);
+    let world = World { objects, lighting, background, seed };
     let settings = Settings {
         frames: p.frames,
         rate: p.rate.si(),
-        noise: p.noise,
+        noise: Noise { gaussian: p.noise, ..Noise::default() },
         colour: context.section.picture == Picture::Colour,
         seed: context.seed,
+        ..Settings::default()
     };
-    let sensor = SimulatedCamera::new(context.id, scene, path, settings);
-    let truth = Truth(sensor.truth());
+    let sensor = SimulatedCamera::new(context.id, Arc::new(world), *camera, SE3::identity(), settings);
+    let truth = Truth(sensor.truth(0));
     Ok(SensorProduct { sensor: Box::new(sensor), truth: Some((p.model, truth)) })
 }
 
