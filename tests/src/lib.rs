@@ -2,6 +2,7 @@
 
 pub mod basin;
 pub mod data;
+pub mod monte_carlo;
 pub mod replay;
 
 /// The example of the project's README runs as a test.

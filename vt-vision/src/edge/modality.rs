@@ -118,14 +118,15 @@ where
                 weight: probability,
             });
         }
+        let floor = self.params.localization;
         let scale = match self.deviations.len() {
             0 => sigma,
             n => {
                 let (_, median, _) = self.deviations.select_nth_unstable_by(n / 2, f64::total_cmp);
-                (1.4826 * *median).max(sigma)
+                (1.4826 * *median).max(floor)
             }
         };
-        mixture.sigma = scale;
+        mixture.sigma = scale.max(sigma);
         for row in rows {
             row.variance *= scale * scale;
         }

@@ -26,8 +26,10 @@ pub struct EdgeParams {
     /// Shortest and longest half range of the search along a normal; between them the range is three deviations of
     /// the predicted contour.
     pub range: [f64; 2],
-    /// Standard deviation of the localisation of an edge point; also the floor of the scale estimated from residuals.
+    /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: f64,
+    /// Least standard deviation of the localisation of an edge point; the residuals of the picture may say more.
+    pub localization: f64,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
     /// Clutter edges per pixel of search line.
@@ -55,6 +57,7 @@ impl Default for EdgeParams {
             max_candidates: 6,
             range: [6.0, 30.0],
             sigma: 0.4,
+            localization: 0.1,
             miss_probability: 0.1,
             clutter_density: 0.03,
             correlation_length: 16.0,
@@ -82,6 +85,7 @@ impl EdgeParams {
         };
         positive("min_contrast", self.min_contrast)?;
         positive("sigma", self.sigma)?;
+        positive("localization", self.localization)?;
         positive("clutter_density", self.clutter_density)?;
         positive("correlation_length", self.correlation_length)?;
         positive("temperature", self.temperature)?;

@@ -39,8 +39,10 @@ pub struct Edges {
     pub max_candidates: usize,
     /// Shortest and longest half range of the search along a normal; between them the predicted uncertainty decides.
     pub range: [Pixels; 2],
-    /// Deviation of the localisation of an edge point.
+    /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: Pixels,
+    /// Least standard deviation of the localisation of an edge point.
+    pub localization: Pixels,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
     /// Clutter edges per pixel of search line.
@@ -82,6 +84,7 @@ impl Default for Edges {
             max_candidates: p.max_candidates,
             range: p.range.map(pixels),
             sigma: pixels(p.sigma),
+            localization: pixels(p.localization),
             miss_probability: p.miss_probability,
             clutter_density: p.clutter_density,
             correlation_length: pixels(p.correlation_length),
@@ -109,6 +112,7 @@ impl Edges {
             max_candidates: self.max_candidates,
             range: self.range.map(|r| r.si()),
             sigma: self.sigma.si(),
+            localization: self.localization.si(),
             miss_probability: self.miss_probability,
             clutter_density: self.clutter_density,
             correlation_length: self.correlation_length.si(),
