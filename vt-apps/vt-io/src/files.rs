@@ -35,7 +35,10 @@ impl Lines {
 }
 
 /// Writes a whole file under a temporary name and renames it, so that readers see the old or the new one.
-pub(crate) fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
+///
+/// # Errors
+/// [`DeviceError`] that names the file.
+pub fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
     folder_of(path)?;
     let temporary = path.with_extension("partial");
     let fail = |e: std::io::Error| DeviceError::new(path.display(), e);

@@ -2,6 +2,7 @@
 
 pub mod canvas;
 pub mod covariances;
+pub mod files;
 pub mod images;
 pub mod overlay;
 pub mod poses;
@@ -11,5 +12,3 @@ pub mod steps;
 pub mod summary;
 pub mod timestamps;
 pub mod truth;
-
-mod files;
