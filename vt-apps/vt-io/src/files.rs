@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ImageEncoder, RgbImage};
 use vt_core::error::DeviceError;
 
 /// A text file that is on disk, up to its last line, after every step.
@@ -44,6 +46,16 @@ pub fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
     let fail = |e: std::io::Error| DeviceError::new(path.display(), e);
     std::fs::write(&temporary, content).map_err(fail)?;
     std::fs::rename(&temporary, path).map_err(fail)
+}
+
+/// Writes a picture as PNG; `buffer` is used again from call to call.
+pub(crate) fn save_png(path: &Path, picture: &RgbImage, buffer: &mut Vec<u8>) -> Result<(), DeviceError> {
+    buffer.clear();
+    let encoder = PngEncoder::new_with_quality(&mut *buffer, CompressionType::Fast, FilterType::Sub);
+    encoder
+        .write_image(picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8)
+        .map_err(|e| DeviceError::new(path.display(), e))?;
+    replace(path, buffer)
 }
 
 pub(crate) fn folder_of(path: &Path) -> Result<(), DeviceError> {

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use miette::Report;
 use vt_task::TaskErrors;
 
+use crate::eval::EvalError;
 use crate::protocol::ProtocolError;
 use crate::run::RunError;
 use crate::sequences::SequencesError;
@@ -22,6 +23,9 @@ pub enum Failure {
     /// A run failed.
     #[error(transparent)]
     Run(RunError),
+    /// Poses cannot be scored.
+    #[error(transparent)]
+    Eval(#[from] EvalError),
     /// A run over sequences failed.
     #[error(transparent)]
     Sequences(#[from] SequencesError),

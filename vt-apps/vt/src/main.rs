@@ -3,11 +3,12 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use vt::eval::EvalArgs;
 use vt::failure::Failure;
 use vt::run_command::{RunArgs, TaskArgs};
 use vt_task::{Registry, check, explain, schema};
 
-/// Model-based visual tracking: run, check and explain task files.
+/// Model-based visual tracking: run, check and explain task files, score poses.
 ///
 /// Exit code 0: done; 1: something failed while running; 2: the task or the command line is wrong.
 #[derive(Parser)]
@@ -21,6 +22,8 @@ struct Cli {
 enum Command {
     /// Runs a task.
     Run(Box<RunArgs>),
+    /// Scores estimated poses against true ones.
+    Eval(EvalArgs),
     /// Checks a task without running it.
     Check {
         #[command(flatten)]
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Command::Explain { task } => {
             checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry)))
         }
+        Command::Eval(args) => args.start().map_err(Failure::from),
         Command::Run(args) => args.start(&registry),
     };
     match result {

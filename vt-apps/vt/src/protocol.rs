@@ -230,7 +230,12 @@ pub(crate) struct Judge {
 
 impl Judge {
     /// A judge of number `k` of the protocol's targets, `index` in the run.
-    pub(crate) fn new(protocol: &Protocol, k: usize, index: usize, truth: Truth) -> Result<Self, DeviceError> {
+    pub(crate) fn new(
+        protocol: &Protocol,
+        k: usize,
+        index: usize,
+        truth: Truth,
+    ) -> Result<Self, DeviceError> {
         let file = PoseFile::create(&protocol.folder, &protocol.stem, &protocol.targets, k)?;
         let score = Score { target: protocol.targets[k].clone(), ..Score::default() };
         let (limits, reset) = (protocol.limits, protocol.reset);

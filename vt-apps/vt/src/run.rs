@@ -144,7 +144,8 @@ pub fn run(
                 write(&mut outputs, s)
             })?;
             for judge in &mut judges {
-                let seen = tracking.with_step(|s| s.reports.get(judge.index).map(|r| (r.frame, judge.see(r))));
+                let seen =
+                    tracking.with_step(|s| s.reports.get(judge.index).map(|r| (r.frame, judge.see(r))));
                 let Some((frame, verdict)) = seen else { continue };
                 if let Some(prior) = verdict? {
                     let placed = tracking.place(judge.index, &prior);

@@ -89,9 +89,14 @@ impl Sequence {
     /// The `--set` arguments that fill in the variables of a task.
     pub fn settings(&self) -> Vec<String> {
         let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
-        let values = [folder.display().to_string().replace("${", "$${")].into_iter().chain(self.camera.clone());
+        let values =
+            [folder.display().to_string().replace("${", "$${")].into_iter().chain(self.camera.clone());
         let names = ["SEQUENCE", "FX", "FY", "CX", "CY"];
-        names.iter().zip(values).map(|(n, v)| format!("variables.{n}={}", serde_json::Value::from(v))).collect()
+        names
+            .iter()
+            .zip(values)
+            .map(|(n, v)| format!("variables.{n}={}", serde_json::Value::from(v)))
+            .collect()
     }
 
     /// Path of the true poses.
@@ -228,8 +233,17 @@ impl Table {
             "{} protocol, success below {}; times are medians of {} threads without reading pictures\n",
             self.protocol, self.limits, self.threads
         );
-        let heads =
-            ["sequence", "frames", "success %", "median mm", "median deg", "CPU ms", "wall ms", "resets", "first failure"];
+        let heads = [
+            "sequence",
+            "frames",
+            "success %",
+            "median mm",
+            "median deg",
+            "CPU ms",
+            "wall ms",
+            "resets",
+            "first failure",
+        ];
         let mut line = |cells: [String; 9]| {
             let [name, rest @ ..] = cells;
             let _ = write!(out, "{name:<24}");
@@ -284,7 +298,8 @@ pub fn run_all(
         ..Table::default()
     };
     for sequence in find(folder)? {
-        let fail = |e: RunError| SequencesError::Sequence { name: sequence.name.clone(), source: Box::new(e) };
+        let fail =
+            |e: RunError| SequencesError::Sequence { name: sequence.name.clone(), source: Box::new(e) };
         let settings = sequence.settings();
         let task = load(&settings).and_then(|d| d.task()).map_err(|e| fail(e.into()))?;
         let [target] = &task.targets[..] else {
@@ -303,7 +318,8 @@ pub fn run_all(
         };
         let options =
             Options { out: options.out.join(&sequence.name), protocol: Some(protocol), ..options.clone() };
-        let outcome = run(&document, registry, &options, &mut |p| observe(&sequence.name, p)).map_err(fail)?;
+        let outcome =
+            run(&document, registry, &options, &mut |p| observe(&sequence.name, p)).map_err(fail)?;
         if outcome.interrupted {
             break;
         }

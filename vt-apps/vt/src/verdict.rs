@@ -16,7 +16,8 @@ pub fn describe(outcome: &Outcome) -> String {
     summary.targets.iter().for_each(|t| target(&mut out, t));
     let cpu: Vec<f64> = outcome.times.iter().map(|t| 1e3 * t.cpu).collect();
     if let Some(s) = Statistics::of(&cpu) {
-        let _ = writeln!(out, "CPU without reading pictures and outputs: {:.2} ms a frame (median)", s.median);
+        let _ =
+            writeln!(out, "CPU without reading pictures and outputs: {:.2} ms a frame (median)", s.median);
     }
     outcome.scores.iter().for_each(|s| score(&mut out, s));
     out
