@@ -35,7 +35,7 @@ pub struct GifSettings {
 
 impl Default for GifSettings {
     fn default() -> Self {
-        Self { every: 2, scale: 0.5, delay: 0.08, max_bytes: 50_000_000 }
+        Self { every: 2, scale: 1.0, delay: 0.08, max_bytes: 50_000_000 }
     }
 }
 

@@ -141,6 +141,7 @@ impl Panel {
             .x_labels(10)
             .y_labels(5)
             .label_style((FONT, 11))
+            .x_label_formatter(&|x| format!("{x}"))
             .draw()?;
         let mut named = false;
         for band in &self.bands {
@@ -178,7 +179,7 @@ impl Panel {
             chart
                 .configure_series_labels()
                 .position(SeriesLabelPosition::UpperRight)
-                .label_font((FONT, 11))
+                .label_font((FONT, 13))
                 .background_style(WHITE.mix(0.8))
                 .draw()?;
         }
