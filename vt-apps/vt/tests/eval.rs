@@ -27,7 +27,9 @@ fn golden(name: &str) -> Value {
 /// Every figure of `expected` is in `found`, to the printed digit.
 fn agree(found: &Value, expected: &Value, at: &str) {
     match (found, expected) {
-        (Value::Object(f), Value::Object(e)) => e.iter().for_each(|(k, v)| agree(&f[k], v, &format!("{at}.{k}"))),
+        (Value::Object(f), Value::Object(e)) => {
+            e.iter().for_each(|(k, v)| agree(&f[k], v, &format!("{at}.{k}")))
+        }
         (Value::Number(f), Value::Number(e)) => assert_eq!(f.as_f64(), e.as_f64(), "{at}"),
         _ => assert_eq!(found, expected, "{at}"),
     }
@@ -61,7 +63,11 @@ fn a_model_adds_its_distances() {
     std::fs::write(&file, moved.join("\n")).unwrap();
     let found = scores(&[&file, "--truth", &truth, "--model", &model, "--unit", "m", "--json"]);
     for name in ["add_mm", "add_s_mm"] {
-        assert_eq!((found[name]["mean"].as_f64(), found[name]["max"].as_f64()), (Some(3.0), Some(3.0)), "{name}");
+        assert_eq!(
+            (found[name]["mean"].as_f64(), found[name]["max"].as_f64()),
+            (Some(3.0), Some(3.0)),
+            "{name}"
+        );
     }
     // 1 - 3 mm / 10 cm of the frames there are.
     let auc = found["add_auc_10cm"].as_f64().unwrap();
@@ -69,7 +75,11 @@ fn a_model_adds_its_distances() {
     let text = eval(&[&file, "--truth", &truth, "--model", &model, "--unit", "m"]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(text.contains("23 of 24 frames") && text.contains("ADD-S mm") && text.contains("AUC"), "{text}");
-    assert_eq!(eval(&[&file, "--truth", &truth, "--model", &model]).status.code(), Some(2), "units are mandatory");
+    assert_eq!(
+        eval(&[&file, "--truth", &truth, "--model", &model]).status.code(),
+        Some(2),
+        "units are mandatory"
+    );
 }
 
 #[test]
@@ -106,7 +116,10 @@ fn files_that_cannot_be_scored_are_named_with_the_reason() {
         (&[&estimates, "--truth", &empty], &["empty.tum", "no poses"]),
         (&[&far, "--truth", &truth], &["200", "0 to 23", "none in common"]),
         (&[&estimates, "--truth", &nan], &["nan.tum", "line 1", "finite"]),
-        (&[&estimates, "--truth", &truth, "--cov", &flat], &["flat.csv", "line 1", "frame 3", "positive definite"]),
+        (
+            &[&estimates, "--truth", &truth, "--cov", &flat],
+            &["flat.csv", "line 1", "frame 3", "positive definite"],
+        ),
         (&[&estimates, "--truth", &truth, "--cov", &other], &["other.csv", "no covariance"]),
         (&["nowhere.tum", "--truth", &truth], &["nowhere.tum"]),
     ];

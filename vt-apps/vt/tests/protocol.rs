@@ -142,18 +142,27 @@ fn sequences_give_a_file_each_and_a_table_in_three_forms() {
         }
     }
     let out = dir.path().join("out");
-    let shown = run(&out, &["--sequences", &data.display().to_string(), "--set", "outputs=[{ kind = 'report' }]"]);
-    assert_eq!(std::fs::read_to_string(out.join("table.txt")).unwrap(), shown.split("results are").next().unwrap());
+    let shown =
+        run(&out, &["--sequences", &data.display().to_string(), "--set", "outputs=[{ kind = 'report' }]"]);
+    assert_eq!(
+        std::fs::read_to_string(out.join("table.txt")).unwrap(),
+        shown.split("results are").next().unwrap()
+    );
     assert!(shown.contains("online protocol") && shown.contains("mean calm"), "{shown}");
     let table: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("table.json")).unwrap()).unwrap();
     let rows = table["sequences"].as_array().unwrap();
-    let of = |k: usize| (rows[k]["sequence"].as_str(), rows[k]["frames"].as_u64(), rows[k]["first_failure"].as_u64());
+    let of = |k: usize| {
+        (rows[k]["sequence"].as_str(), rows[k]["frames"].as_u64(), rows[k]["first_failure"].as_u64())
+    };
     assert_eq!((of(0), of(1)), ((Some("a_calm"), Some(11), Some(6)), (Some("b_calm"), Some(11), None)));
     assert!((rows[0]["success_percent"].as_f64().unwrap() - 1000.0 / 11.0).abs() < 1e-9);
     assert!(rows[1]["median_mm"].as_f64().unwrap() < 1.0 && rows[1]["cpu_ms"].as_f64().unwrap() > 0.0);
     let csv = std::fs::read_to_string(out.join("table.csv")).unwrap();
-    assert!(csv.starts_with("sequence,frames,success_percent,") && csv.contains("\na_calm,11,90.9,"), "{csv}");
+    assert!(
+        csv.starts_with("sequence,frames,success_percent,") && csv.contains("\na_calm,11,90.9,"),
+        "{csv}"
+    );
     for name in ["a_calm", "b_calm"] {
         assert_eq!(lines(&out.join(format!("{name}.tum"))).len(), 12);
         assert!(out.join(name).join("report.json").exists());
