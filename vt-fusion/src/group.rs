@@ -123,13 +123,12 @@ where
         }
     }
 
-    fn place(
-        &mut self,
-        index: usize,
-        prior: &BeliefRecord,
-        evidence: &Evidence,
-    ) -> Result<(), EstimateError> {
-        self.targets[index].place(0, prior, evidence)
+    fn place(&mut self, index: usize, prior: &BeliefRecord) -> Result<(), EstimateError> {
+        self.targets[index].place(0, prior)
+    }
+
+    fn learn(&mut self, index: usize, evidence: &Evidence) {
+        self.targets[index].learn(0, evidence);
     }
 
     fn sketch(&self, index: usize, out: &mut Vec<Mark>) {

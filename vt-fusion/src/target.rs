@@ -40,13 +40,14 @@ pub trait AnyTarget: Send {
     /// Measures, corrects, assesses and, where lost, re-initialises; fills one report a target.
     fn update(&mut self, evidence: &Evidence, reports: &mut [StepReport]);
 
-    /// Places the target with this index: at this belief, at rest, trusted, with nothing learnt but what this frame
-    /// shows there. The frame does not correct the belief.
+    /// Places the target with this index: at this belief, at rest, trusted, with nothing learnt.
     ///
     /// # Errors
     /// When the belief is one of another pose space or of no use; the target is then unchanged.
-    fn place(&mut self, index: usize, prior: &BeliefRecord, evidence: &Evidence)
-    -> Result<(), EstimateError>;
+    fn place(&mut self, index: usize, prior: &BeliefRecord) -> Result<(), EstimateError>;
+
+    /// Lets the target with this index learn from a frame where it is; the frame does not correct its belief.
+    fn learn(&mut self, index: usize, evidence: &Evidence);
 
     /// Draws the target with this index.
     fn sketch(&self, index: usize, out: &mut Vec<Mark>);
@@ -318,8 +319,11 @@ where
         // Other priors than this one may be tried.
         let anywhere = self.searching();
         for modality in &self.modalities {
-            let region = if anywhere { None } else { modality.region(&prior) };
-            out.extend(modality.needs().iter().map(|key| (key.clone(), region)));
+            let (needs, region) = match anywhere {
+                true => (modality.needs(), None),
+                false => (modality.needs_near(&prior), modality.region(&prior)),
+            };
+            out.extend(needs.iter().map(|key| (key.clone(), region)));
         }
         if let (true, Some(r)) = (anywhere, &self.reinitializer) {
             out.extend(r.needs().iter().map(|key| (key.clone(), None)));
@@ -341,7 +345,7 @@ where
         }
     }
 
-    fn place(&mut self, _: usize, prior: &BeliefRecord, evidence: &Evidence) -> Result<(), EstimateError> {
+    fn place(&mut self, _: usize, prior: &BeliefRecord) -> Result<(), EstimateError> {
         let belief = prior.get::<P>().ok_or(EstimateError::Space {
             found: prior.space,
             numbers: prior.coordinates.len(),
@@ -351,12 +355,16 @@ where
         self.forget();
         self.loss.reset();
         self.status = Status::Tracking;
+        self.trusted = belief;
+        Ok(())
+    }
+
+    fn learn(&mut self, _: usize, evidence: &Evidence) {
+        let belief = self.estimator.pose();
         for modality in &mut self.modalities {
             // Only for what it learns; one that cannot measure here learns nothing.
             let _ = modality.measure(evidence, &belief);
         }
-        self.trusted = belief;
-        Ok(())
     }
 
     fn sketch(&self, _: usize, out: &mut Vec<Mark>) {

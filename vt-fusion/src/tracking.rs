@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use vt_core::agent::Step;
-use vt_core::error::{EstimateError, MeasureError};
+use vt_core::error::EstimateError;
 use vt_core::evidence::{Evidence, EvidenceKey, Processing};
 use vt_core::frame::{Frame, Roi};
 use vt_core::report::{BeliefRecord, StepReport};
@@ -48,7 +48,10 @@ impl TrackingLoop {
         self.time = self.time.max(Some(now));
         if dt.0 > 0.0 {
             // All of them, whatever becomes of one; the first error in their order.
-            self.targets.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?;
+            match self.targets.as_mut_slice() {
+                [only] => only.predict(dt)?,
+                many => many.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?,
+            }
         }
         self.requests.clear();
         for target in &self.targets {
@@ -56,11 +59,8 @@ impl TrackingLoop {
         }
         merge(&mut self.requests);
         for (key, region) in &self.requests {
-            match self.evidence.prepare(key, *region) {
-                // A sensor without a frame in this step is no fault of the step.
-                Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
-                Err(e) => return Err(e.into()),
-            }
+            // What cannot be made (no frame in this step, a picture that does not fit) fails where it is read.
+            let _ = self.evidence.prepare(key, *region);
         }
         let evidence = &self.evidence;
         match self.targets.as_mut_slice() {
@@ -83,25 +83,25 @@ impl TrackingLoop {
     /// trusted, with nothing learnt but what those frames show there.
     ///
     /// # Errors
-    /// When the belief does not fit the target, or evidence cannot be made; the target is then unchanged.
+    /// When the belief does not fit the target, which is then unchanged.
     pub fn place(&mut self, mut index: usize, prior: &BeliefRecord) -> Result<(), StepError> {
         for target in &mut self.targets {
             if index >= target.count() {
                 index -= target.count();
                 continue;
             }
-            // What was made for the prediction covers another part of the picture.
+            target.place(index, prior)?;
+            // What was made for the prediction may lack what is needed here.
             let frames = self.evidence.frames().to_vec();
             self.evidence.begin(frames);
             self.requests.clear();
             target.requests(&mut self.requests);
-            for (key, _) in &self.requests {
-                match self.evidence.prepare(key, None) {
-                    Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
-                    Err(e) => return Err(e.into()),
-                }
+            merge(&mut self.requests);
+            for (key, region) in &self.requests {
+                let _ = self.evidence.prepare(key, *region);
             }
-            return Ok(target.place(index, prior, &self.evidence)?);
+            target.learn(index, &self.evidence);
+            return Ok(());
         }
         Ok(())
     }
@@ -147,9 +147,6 @@ pub enum StepError {
     /// A step needs at least one frame.
     #[error("no frames in this step")]
     NoFrames,
-    /// Evidence could not be made.
-    #[error(transparent)]
-    Measure(#[from] MeasureError),
     /// A prediction failed.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

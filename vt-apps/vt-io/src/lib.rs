@@ -8,6 +8,7 @@ pub mod images;
 pub mod overlay;
 pub mod plot;
 pub mod poses;
+pub mod recording;
 pub mod report;
 pub mod run_plot;
 pub mod sheet;

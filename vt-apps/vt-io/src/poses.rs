@@ -20,8 +20,7 @@ impl PoseFile {
     /// # Errors
     /// [`DeviceError`] when the file cannot be made.
     pub fn create(folder: &Path, stem: &str, targets: &[String], k: usize) -> Result<Self, DeviceError> {
-        let header = "# frame tx ty tz qx qy qz qw (camera_from_object, metres)\n";
-        Ok(Self(Lines::create(of_target(folder, stem, "tum", targets, k), header)?))
+        Ok(Self(Lines::create(of_target(folder, stem, "tum", targets, k), HEADER)?))
     }
 
     /// Writes the coordinates `tx ty tz qx qy qz qw` of a pose; numbers that are not finite as they are.
@@ -29,15 +28,7 @@ impl PoseFile {
     /// # Errors
     /// [`DeviceError`] when they cannot be written.
     pub fn write(&mut self, frame: u64, coordinates: &[f64]) -> Result<(), DeviceError> {
-        let sign = if coordinates.last().is_some_and(|w| *w < 0.0) { -1.0 } else { 1.0 };
-        let line = self.0.buffer();
-        let _ = write!(line, "{frame}");
-        for (k, v) in coordinates.iter().enumerate() {
-            let v = if k < 3 { *v } else { sign * v };
-            // Adding zero turns -0 into 0.
-            let _ = write!(line, " {:.9e}", v + 0.0);
-        }
-        line.push('\n');
+        line(self.0.buffer(), frame, coordinates);
         self.0.flush()
     }
 }
@@ -57,6 +48,21 @@ impl Poses {
         let file = |k| PoseFile::create(folder, "poses", targets, k);
         Ok(Self { files: (0..targets.len()).map(file).collect::<Result<_, _>>()?, lost })
     }
+}
+
+/// First line of a file of poses.
+pub(crate) const HEADER: &str = "# frame tx ty tz qx qy qz qw (camera_from_object, metres)\n";
+
+/// Adds the line of a pose with the coordinates `tx ty tz qx qy qz qw`.
+pub(crate) fn line(out: &mut String, frame: u64, c: &[f64]) {
+    let sign = if c.get(6).is_some_and(|w| *w < 0.0) { -1.0 } else { 1.0 };
+    let _ = write!(out, "{frame}");
+    for (k, v) in c.iter().enumerate() {
+        let v = if k < 3 { *v } else { sign * v };
+        // Adding zero turns -0 into 0.
+        let _ = write!(out, " {:.9e}", v + 0.0);
+    }
+    out.push('\n');
 }
 
 impl Output for Poses {

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use miette::Report;
+use vt_core::error::DeviceError;
 use vt_task::TaskErrors;
 
 use crate::eval::EvalError;
@@ -23,6 +24,9 @@ pub enum Failure {
     /// A run failed.
     #[error(transparent)]
     Run(RunError),
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// Poses cannot be scored.
     #[error(transparent)]
     Eval(#[from] EvalError),

@@ -8,4 +8,5 @@ pub mod protocol;
 pub mod run;
 pub mod run_command;
 pub mod sequences;
+pub mod sim;
 pub mod verdict;

@@ -2,10 +2,12 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 use vt::eval::EvalArgs;
 use vt::failure::Failure;
 use vt::run_command::{RunArgs, TaskArgs};
+use vt::sim::{SimArgs, SimError};
 use vt_task::{Registry, check, explain, schema};
 
 /// Model-based visual tracking: run, check and explain task files, score poses.
@@ -34,6 +36,8 @@ enum Command {
         #[command(flatten)]
         task: TaskArgs,
     },
+    /// Records a simulated scenario: pictures, truth, and a task that tracks them.
+    Sim(SimArgs),
     /// Prints the JSON Schema of task files.
     Schema,
     /// Lists all methods that tasks can choose.
@@ -59,6 +63,15 @@ fn main() -> ExitCode {
         }
         Command::Eval(args) => args.start().map_err(Failure::from),
         Command::Run(args) => args.start(&registry),
+        Command::Sim(sim) => match sim.run(&registry) {
+            Ok(shown) => {
+                print!("{shown}");
+                Ok(())
+            }
+            Err(SimError::Task(e)) => Err(e.into()),
+            Err(SimError::Device(e)) => Err(e.into()),
+            Err(e) => Cli::command().error(ErrorKind::InvalidValue, e).exit(),
+        },
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
