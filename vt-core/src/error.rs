@@ -94,6 +94,16 @@ pub enum EstimateError {
         /// The dimension that fits.
         expected: usize,
     },
+    /// A belief of another pose space.
+    #[error("a belief of the space `{found}` with {numbers} coordinates; expected one of `{expected}`")]
+    Space {
+        /// Space of the belief.
+        found: &'static str,
+        /// Number of its coordinates.
+        numbers: usize,
+        /// Space that fits.
+        expected: &'static str,
+    },
     /// A particle filter without particles.
     #[error("no particles")]
     NoParticles,

@@ -215,6 +215,10 @@ where
     /// The measurement of the last call of `measure`, if it gave one.
     fn last(&self) -> Option<&dyn Measurement<P>>;
 
+    /// Forgets what was learnt from earlier pictures (appearance, on-line features): the target is placed anew, and
+    /// what was learnt since it was last placed may come from somewhere else. Nothing to do for who learns nothing.
+    fn forget(&mut self) {}
+
     /// Draws what was looked for and found, with the model at `pose`.
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
         let _ = (pose, out);

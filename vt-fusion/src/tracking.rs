@@ -6,7 +6,7 @@ use vt_core::agent::Step;
 use vt_core::error::EstimateError;
 use vt_core::evidence::{Evidence, EvidenceKey, Processing};
 use vt_core::frame::{Frame, Roi};
-use vt_core::report::StepReport;
+use vt_core::report::{BeliefRecord, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::{Seconds, Timestamp};
 
@@ -77,6 +77,33 @@ impl TrackingLoop {
             }
         }
         Ok(&self.reports)
+    }
+
+    /// Places the target with this index, over all groups, at this belief as of the last step's frames: at rest,
+    /// trusted, with nothing learnt but what those frames show there.
+    ///
+    /// # Errors
+    /// When the belief does not fit the target, which is then unchanged.
+    pub fn place(&mut self, mut index: usize, prior: &BeliefRecord) -> Result<(), StepError> {
+        for target in &mut self.targets {
+            if index >= target.count() {
+                index -= target.count();
+                continue;
+            }
+            target.place(index, prior)?;
+            // What was made for the prediction may lack what is needed here.
+            let frames = self.evidence.frames().to_vec();
+            self.evidence.begin(frames);
+            self.requests.clear();
+            target.requests(&mut self.requests);
+            merge(&mut self.requests);
+            for (key, region) in &self.requests {
+                let _ = self.evidence.prepare(key, *region);
+            }
+            target.learn(index, &self.evidence);
+            return Ok(());
+        }
+        Ok(())
     }
 
     /// Number of targets.

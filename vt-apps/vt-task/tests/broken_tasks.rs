@@ -101,6 +101,12 @@ fn every_fault_is_found_where_it_is() {
         "number that is not finite": "frames = 5" => "frames = 5, noise = inf", at "inf", P::Value { .. }, nearest None, expected "finite";
         "parameter out of range": "iterations = 2" => "iterations = 0", at "0", P::Value { .. }, nearest None, expected "1 to 100";
         "zero frames": "frames = 5" => "frames = 0", at "0", P::Value { .. }, nearest None, expected "at least 1";
+        "animation too large": "kind = \"poses\"" => "kind = \"gif\"\nparams = { scale = 2.0 }", at "2.0", P::Value { .. }, nearest None, expected "0.01 to 1";
+        "animation of no frame": "kind = \"poses\"" => "kind = \"gif\"\nparams = { every = 0 }", at "0", P::Value { .. }, nearest None, expected "from 1";
+        "animation without a limit": "kind = \"poses\"" => "kind = \"gif\"\nparams = { max_megabytes = 0.0 }", at "0.0", P::Value { .. }, nearest None, expected "above 0";
+        "delay without a unit": "kind = \"poses\"" => "kind = \"gif\"\nparams = { delay = 0.1 }", at "0.1", P::Value { .. }, nearest None, expected "span of time";
+        "sensor of an animation": "kind = \"poses\"" => "kind = \"gif\"\nparams = { sensor = \"camra\" }", at "\"camra\"", P::UnknownName { .. }, nearest Some("camera"), expected "sensor";
+        "sites of no length": "sigma = \"0.5 px\"" => "min_length = \"0 px\"", at "\"0 px\"", P::Value { .. }, nearest None, expected "positive";
         "negative deviation": "sigma = \"0.5 px\"" => "sigma = \"-0.5 px\"", at "\"-0.5 px\"", P::Value { .. }, nearest None, expected "positive";
         "focal length of zero": "focal = [\"200 px\"" => "focal = [\"0 px\"", at "[\"0 px\", \"200 px\"]", P::Value { .. }, nearest None, expected "positive focal";
         "missing key": "model = \"bracket\"\ntruth" => "truth", at "[[targets]]", P::MissingKey { .. }, nearest None, expected "model";

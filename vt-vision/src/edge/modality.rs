@@ -216,6 +216,10 @@ where
         }
     }
 
+    fn forget(&mut self) {
+        self.memory.clear();
+    }
+
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
         super::sketch::draw(&self.features.mixture, pose, out);
     }

@@ -61,6 +61,8 @@ pub struct Edges {
     pub temperature: f64,
     /// Distance of sites along a visible edge.
     pub step: Pixels,
+    /// Shortest projected edge that gets a site; the outline of a finely divided surface is made of very short ones.
+    pub min_length: Pixels,
     /// Most sites.
     pub max_sites: usize,
     /// Smallest angle between two faces whose edge is looked for.
@@ -94,6 +96,7 @@ impl Default for Edges {
             starts: p.starts,
             temperature: p.temperature,
             step: pixels(v.step),
+            min_length: pixels(v.min_length),
             max_sites: v.max_sites,
             crease_angle: Angle::new(EdgeOptions::default().crease_angle, "rad").unwrap_or_default(),
         }
@@ -131,6 +134,9 @@ impl Params for Edges {
         if self.step.si() < 1.0 {
             return Err(ConfigError::parameter("step", self.step, "at least 1 px"));
         }
+        if self.min_length.si() <= 0.0 {
+            return Err(ConfigError::parameter("min_length", self.min_length, "a positive number of pixels"));
+        }
         if self.max_sites == 0 {
             return Err(ConfigError::parameter("max_sites", 0, "at least 1 site"));
         }
@@ -154,8 +160,12 @@ pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityPr
     let options = EdgeOptions { crease_angle: p.crease_angle.si(), ..EdgeOptions::default() };
     let model =
         EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
-    let visibility =
-        VisibilityOptions { step: p.step.si(), max_sites: p.max_sites, ..VisibilityOptions::default() };
+    let visibility = VisibilityOptions {
+        step: p.step.si(),
+        min_length: p.min_length.si(),
+        max_sites: p.max_sites,
+        ..VisibilityOptions::default()
+    };
     let diameter = mesh.diameter();
     let cache = ViewCache::new(visibility, ViewThresholds::default());
     let view = MeshView::new(Arc::new(mesh), Arc::new(model), camera, cache);
