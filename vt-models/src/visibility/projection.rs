@@ -60,6 +60,7 @@ impl Frame {
 }
 
 /// The visible part of a projected edge, in ideal pixels.
+#[derive(Clone, Debug)]
 pub(super) struct Line {
     pub start: Point2<f64>,
     pub direction: Vector2<f64>,
@@ -99,6 +100,11 @@ pub(super) struct Span {
 impl Span {
     pub fn new(line: &Line, first: u32, end: u32) -> Self {
         Self { start: line.start, direction: line.direction, length: line.length, first, end }
+    }
+
+    /// The span of one site on a chain.
+    pub fn about(middle: &Point2<f64>, direction: Vector2<f64>, length: f64, site: u32) -> Self {
+        Self { start: middle - direction * (0.5 * length), direction, length, first: site, end: site + 1 }
     }
 }
 
@@ -189,11 +195,10 @@ impl View {
         Some(Line { start, length, inverse_depth: [w0, w1], ends: [p0, p1], ..uncut })
     }
 
-    /// Whether a surface of the edge lies on its positive and on its negative side in the image.
-    pub fn covered_sides(&self, edge: &Edge, line: &Line) -> [bool; 2] {
-        let (_, w, p_in_object) = line.at(0.5);
+    /// Whether a surface of the edge lies on the positive and on the negative side of a line through one of its points
+    /// in the image, given by its normal; `w` is the point's inverse depth.
+    pub fn covered_sides(&self, edge: &Edge, w: f64, p_in_object: &Point3<f64>, normal: &Vector2<f64>) -> [bool; 2] {
         let p = self.rotation * p_in_object.coords + self.camera_from_object.translation;
-        let normal = line.normal();
         let mut covered = [false; 2];
         for sheet in &edge.sheets {
             let d = self.rotation * sheet.inward;
