@@ -37,7 +37,10 @@ fn syntax_line(result: Result<Mesh, LoadError>) -> usize {
 #[test]
 fn unknown_extension_lists_the_known_ones() {
     let e = load_mesh("model.step", Unit::Metre).unwrap_err().to_string();
-    assert_eq!(e, "model.step: found extension `step`, expected one of .wrl, .vrml, .obj, .cao");
+    assert_eq!(
+        e,
+        "model.step: found extension `step`, expected one of .wrl, .vrml, .obj, .cao, .ply, .stl, .gltf, .glb"
+    );
     assert!(matches!(load_mesh("absent.cao", Unit::Metre), Err(LoadError::Read { .. })));
 }
 

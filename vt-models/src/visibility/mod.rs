@@ -17,8 +17,8 @@ use crate::camera::Camera;
 use crate::edges::{Edge, EdgeKind, EdgeModel};
 use crate::mesh::Mesh;
 use crate::raster::{RasterOptions, Rasterizer};
-use nalgebra::{Point2, Point3, Vector2, Vector3};
 use chain::{Chains, Piece};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 use projection::{Span, View};
 use vt_core::lie::SE3;
 

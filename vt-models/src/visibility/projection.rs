@@ -197,7 +197,13 @@ impl View {
 
     /// Whether a surface of the edge lies on the positive and on the negative side of a line through one of its points
     /// in the image, given by its normal; `w` is the point's inverse depth.
-    pub fn covered_sides(&self, edge: &Edge, w: f64, p_in_object: &Point3<f64>, normal: &Vector2<f64>) -> [bool; 2] {
+    pub fn covered_sides(
+        &self,
+        edge: &Edge,
+        w: f64,
+        p_in_object: &Point3<f64>,
+        normal: &Vector2<f64>,
+    ) -> [bool; 2] {
         let p = self.rotation * p_in_object.coords + self.camera_from_object.translation;
         let mut covered = [false; 2];
         for sheet in &edge.sheets {

@@ -187,7 +187,15 @@ fn chains_end_at_corners_and_specks_stay_without_sites() {
             let t = f64::from(i) / 20.0;
             let bow = 1e-3 * t * (1.0 - t);
             let out = [b[1] - a[1], a[0] - b[0]];
-            points.push([0, 1].map(|c| a[c] + (b[c] - a[c]) * t + out[c] * 12.5 * bow).into_iter().chain([0.0]).collect::<Vec<_>>().try_into().unwrap());
+            points.push(
+                [0, 1]
+                    .map(|c| a[c] + (b[c] - a[c]) * t + out[c] * 12.5 * bow)
+                    .into_iter()
+                    .chain([0.0])
+                    .collect::<Vec<_>>()
+                    .try_into()
+                    .unwrap(),
+            );
         }
     }
     let lines: Vec<[u32; 2]> = (0..80).map(|i| [i, (i + 1) % 80]).collect();
