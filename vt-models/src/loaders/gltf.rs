@@ -52,6 +52,17 @@ impl Loader for GltfLoader {
                 known: KNOWN.join(", "),
             });
         }
+        // The validation takes for granted that these accessors exist.
+        let json = loose.as_json();
+        let attributes = json.meshes.iter().flat_map(|m| &m.primitives).flat_map(|p| p.attributes.values());
+        if let Some(bad) = attributes.map(|a| a.value()).find(|a| *a >= json.accessors.len()) {
+            return Err(LoadError::Element {
+                file: path.to_owned(),
+                element: "mesh".into(),
+                found: format!("accessor {bad}"),
+                expected: format!("an accessor below {}", json.accessors.len()),
+            });
+        }
         let Gltf { document, blob } = Gltf::from_slice(&bytes).map_err(wrong)?;
         let buffers = Buffers::load(path, &document, blob)?;
         let mut reading = Reading::new(path, &document, buffers)?;

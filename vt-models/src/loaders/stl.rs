@@ -87,7 +87,8 @@ fn binary(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<Corners>, LoadError> {
 fn text(path: &Path, bytes: &[u8]) -> Result<Vec<Corners>, LoadError> {
     let text = String::from_utf8_lossy(bytes).to_ascii_lowercase();
     let first = |line: &str| line.split_whitespace().next().unwrap_or_default().to_owned();
-    if !text.lines().any(|l| first(l) == "endsolid") {
+    let count = |word: &str| text.lines().filter(|l| first(l) == word).count();
+    if count("solid") != count("endsolid") {
         let last = text.lines().count();
         return Err(LoadError::syntax(path, last, "the end of the file", "`endsolid`"));
     }

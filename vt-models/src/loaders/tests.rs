@@ -1,6 +1,8 @@
 use super::*;
 use std::path::PathBuf;
 
+mod features;
+
 /// A file of our own in the system's temporary folder, removed at the end of the test.
 struct Temporary(PathBuf);
 

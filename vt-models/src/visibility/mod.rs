@@ -1,7 +1,9 @@
 //! Which edges of a model can be seen from a pose, as sites along them.
 //!
 //! The mesh is rasterised at reduced resolution; edges are projected exactly and only *tested* against the raster,
-//! so its half-pixel bias never reaches a position.
+//! so its half-pixel bias never reaches a position. Both happen in the *ideal* image, that of a pinhole with the same
+//! focal lengths, where edges are straight; the pixels and weights of sites are those of the real one. A fisheye's edges
+//! are seen up to 75° off the axis, and their sites lie denser in the picture the farther out they are.
 
 mod ambiguity;
 mod cache;
@@ -13,7 +15,7 @@ pub(crate) use cache::ViewKey;
 pub use cache::{ViewCache, ViewThresholds};
 pub use mesh_view::MeshView;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Optics};
 use crate::edges::{Edge, EdgeKind, EdgeModel};
 use crate::mesh::Mesh;
 use crate::raster::{RasterOptions, Rasterizer};
@@ -134,6 +136,22 @@ struct Candidate<'a> {
     p_in_object: Point3<f64>,
     tangent: Vector3<f64>,
     weight: f32,
+}
+
+impl View {
+    /// Length in the picture per length in the ideal image along an edge; of interest where a fisheye makes it small.
+    fn stretch(&self, camera: &Camera, at: &Candidate<'_>) -> f32 {
+        if matches!(camera.optics(), Optics::Perspective(_)) {
+            return 1.0;
+        }
+        let p_in_camera = self.camera_from_object.act(&at.p_in_object);
+        let along = self.camera_from_object.rotation * at.tangent;
+        let length = |c: &Camera| c.project_with_jacobian(&p_in_camera).map(|(_, j)| (j * along).norm());
+        match (length(camera), length(&camera.without_lens())) {
+            (Some(real), Some(ideal)) if ideal > 0.0 => (real / ideal) as f32,
+            _ => 1.0,
+        }
+    }
 }
 
 impl VisibleEdges {
@@ -290,7 +308,7 @@ impl VisibleEdges {
             edge: at.id,
             kind: at.kind,
             normals: [0, 1].map(|i| at.edge.sheets.get(i).map(|s| s.normal)),
-            weight: at.weight,
+            weight: at.weight * view.stretch(camera, at),
             contour,
             ambiguous: false,
             pixel,

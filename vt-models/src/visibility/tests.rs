@@ -304,6 +304,39 @@ fn lens_moves_pixels_and_hides_nothing() {
 }
 
 #[test]
+fn a_fisheye_sees_the_edges_of_a_pinhole_and_more() {
+    let lens = crate::camera::Fisheye::new(0.01, -0.002, 0.0, 0.0).unwrap();
+    let bent = Camera::new(220.0, 220.0, 319.5, 239.5, 640, 480).unwrap().with_fisheye(lens);
+    // Ahead, then 52° off the axis to the right, turned along.
+    for angle in [0.0, 0.9] {
+        let pan = UnitQuaternion::from_scaled_axis(Vector3::y() * angle);
+        let near = pose([0.4, 0.7, 0.1], [0., 0., 0.6]);
+        let t = SE3 { rotation: pan * near.rotation, translation: pan * near.translation };
+        let sites = see(&cube(), &bent, &t, &VisibilityOptions::default());
+        assert_eq!(by_edge(&sites).len(), 9, "at {angle}");
+        let mut length = 0.0;
+        for s in &sites {
+            assert!((bent.project(&t.act(&s.p_in_object)).unwrap() - s.pixel).norm() < 1e-9);
+            length += f64::from(s.weight);
+        }
+        // Weights are lengths in the picture: they add up to the visible edges, sampled finely.
+        let mut expected = 0.0;
+        for id in by_edge(&sites).keys() {
+            let [a, b] = cube().1.edges()[*id as usize].ends;
+            let at = |k: u32| bent.project(&t.act(&(a + (b - a) * (f64::from(k) / 50.0)))).unwrap();
+            expected += (0..50).map(|k| (at(k + 1) - at(k)).norm()).sum::<f64>();
+        }
+        assert!((length / expected - 1.0).abs() < 0.05, "{length} of {expected} at {angle}");
+    }
+    // Behind the camera and at 80° nothing is seen, and nothing fails.
+    for angle in [1.4, 1.6, 3.0] {
+        let pan = UnitQuaternion::from_scaled_axis(Vector3::y() * angle);
+        let t = SE3 { rotation: pan, translation: pan * Vector3::new(0., 0., 2.0) };
+        assert!(see(&cube(), &bent, &t, &VisibilityOptions::default()).is_empty());
+    }
+}
+
+#[test]
 fn budget_thins_evenly_and_keeps_the_weight() {
     let t = pose([0.4, 0.7, 0.1], [0.0, 0.0, 0.6]);
     let all = see(&cube(), &camera(), &t, &VisibilityOptions { step: 2.0, ..Default::default() });
