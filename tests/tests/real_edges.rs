@@ -1,11 +1,14 @@
 //! The edge tracker on the sequences that ViSP ships: accuracy bounds, levels, loose and tight mode, determinism.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use vt_core::lie::SE3;
+use vt_core::random::{Random, Stream};
 use vt_core::report::{Status, StepReport};
+use vt_models::loaders::load_mesh;
+use vt_models::mesh::{Mesh, Unit};
 use vt_tests::data;
-use vt_tests::replay::{Replay, Run};
+use vt_tests::replay::{Replay, Run, median};
 
 fn task(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../vt-apps/tasks").join(name)
@@ -155,4 +158,58 @@ fn threads_and_repetition_do_not_change_a_bit() {
         assert!(once == with(2), "one and two threads differ");
         assert!(once == with(1), "two runs differ");
     }
+}
+
+/// Writes the castle as at least 10,000 triangles of their own vertices in scrambled order, a third of them wound the
+/// other way, as binary STL.
+fn write_soup(castle: &Mesh, file: &Path) -> usize {
+    let mut triangles: Vec<_> = castle.triangles().iter().map(|t| castle.corners(t)).collect();
+    while triangles.len() < 10_000 {
+        triangles = triangles
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| nalgebra::center(&p, &q));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+            })
+            .collect();
+    }
+    let random = Random::new(1, Stream::Sim, 0, 0, 0);
+    let mut keyed: Vec<(f64, usize)> =
+        (0..triangles.len()).scan(random, |r, i| Some((r.uniform(), i))).collect();
+    keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut bytes = vec![b' '; 80];
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for (_, i) in keyed {
+        let [a, b, c] = triangles[i];
+        bytes.extend([0; 12]);
+        for p in if i % 3 == 0 { [a, c, b] } else { [a, b, c] } {
+            p.iter().for_each(|x| bytes.extend((*x as f32).to_le_bytes()));
+        }
+        bytes.extend([0; 2]);
+    }
+    std::fs::write(file, bytes).expect("the file is written");
+    triangles.len()
+}
+
+#[test]
+fn castle_as_a_soup_of_triangles_is_tracked_like_the_castle() {
+    let Some(root) = data::root("VISP_IMAGES") else { return };
+    let castle =
+        load_mesh(root.join("mbt-depth/Castle-simu/Models/chateau.wrl"), Unit::Metre).expect("a model");
+    let folder = std::env::temp_dir().join(format!("vt-soup-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    let file = folder.join("castle.stl");
+    let triangles = write_soup(&castle, &file);
+    assert!(triangles >= 10_000);
+    let model = format!("models.castle.shape.params.parts.0.file={}", file.display());
+    let (soup, whole) = (run("castle-simu.toml", &[&model]), run("castle-simu.toml", &[]));
+    std::fs::remove_dir_all(&folder).ok();
+    println!(
+        "{triangles} triangles; median CPU ms a frame: soup {:.2}, model {:.2}",
+        median(&soup.cpu_ms),
+        median(&whole.cpu_ms)
+    );
+    assert_within("castle", errors(&whole), CASTLE_BOUND);
+    let bounds = errors(&whole).map(|e| 1.1 * e);
+    assert_within("soup of triangles", errors(&soup), bounds);
 }

@@ -10,6 +10,7 @@ mod sheet;
 mod weld;
 
 pub use sheet::{EdgeKind, Sheet};
+pub(crate) use weld::weld;
 
 use crate::mesh::Mesh;
 use collinear::Raw;
