@@ -1,6 +1,8 @@
 #![doc = include_str!("../README.md")]
 
 pub mod interrupt;
+pub mod model;
+pub mod model_sheet;
 pub mod progress;
 pub mod run;
 pub mod verdict;

@@ -5,8 +5,11 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use miette::Report;
+use vt::model::Inspection;
+use vt::model_sheet::sheet;
 use vt::progress::Bar;
 use vt::run::{Options, RunError, run};
+use vt_models::mesh::Unit;
 use vt_task::{Document, Registry, TaskErrors, check, explain, schema};
 
 /// Model-based visual tracking: run, check and explain task files.
@@ -52,6 +55,27 @@ enum Command {
     Schema,
     /// Lists all methods that tasks can choose.
     List,
+    /// Looks at model files.
+    #[command(subcommand)]
+    Model(ModelCommand),
+}
+
+#[derive(Subcommand)]
+enum ModelCommand {
+    /// Prints contents, size, problems, symmetries and edges of a model file.
+    Inspect {
+        /// VRML 97, OBJ, PLY, STL, glTF or CAO file.
+        file: PathBuf,
+        /// Length unit of the file.
+        #[arg(long, value_name = "UNIT", default_value = "m", value_parser = ["m", "cm", "mm", "in"])]
+        unit: String,
+        /// Draws the edges from six sides as the tracker sees them.
+        #[arg(long, value_name = "PNG")]
+        out: Option<PathBuf>,
+        /// Prints JSON instead of text.
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 #[derive(Args)]
@@ -90,6 +114,9 @@ fn main() -> ExitCode {
         Command::Explain { task } => {
             checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry)))
         }
+        Command::Model(ModelCommand::Inspect { file, unit, out, json }) => {
+            return inspect(&file, &unit, out.as_deref(), json);
+        }
         Command::Run { task, out, threads, max_frames, quiet } => {
             let out = out.unwrap_or_else(|| Path::new("out").join(task.task.file_stem().unwrap_or_default()));
             start(&task, &registry, out, threads, max_frames, quiet)
@@ -103,6 +130,38 @@ fn main() -> ExitCode {
         }
         Err(e) => {
             eprintln!("error: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn inspect(file: &Path, unit: &str, out: Option<&Path>, json: bool) -> ExitCode {
+    let unit = match unit {
+        "cm" => Unit::Centimetre,
+        "mm" => Unit::Millimetre,
+        "in" => Unit::Inch,
+        _ => Unit::Metre,
+    };
+    let inspection = match Inspection::of(file, unit) {
+        Ok(inspection) => inspection,
+        Err(e) => {
+            eprintln!("error: {e}");
+            return ExitCode::from(2);
+        }
+    };
+    if json {
+        println!("{:#}", inspection.json());
+    } else {
+        print!("{inspection}");
+    }
+    let Some(out) = out else { return ExitCode::SUCCESS };
+    let saved = sheet(&inspection.mesh, &inspection.edges)
+        .map_err(|e| e.to_string())
+        .and_then(|s| s.save_with_format(out, image::ImageFormat::Png).map_err(|e| e.to_string()));
+    match saved {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {}: {e}", out.display());
             ExitCode::FAILURE
         }
     }
