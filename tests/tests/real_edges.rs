@@ -161,7 +161,7 @@ fn threads_and_repetition_do_not_change_a_bit() {
 }
 
 /// Writes the castle as at least 10,000 triangles of their own vertices in scrambled order, a third of them wound the
-/// other way, as binary STL.
+/// other way, and its one explicit line, as PLY.
 fn write_soup(castle: &Mesh, file: &Path) -> usize {
     let mut triangles: Vec<_> = castle.triangles().iter().map(|t| castle.corners(t)).collect();
     while triangles.len() < 10_000 {
@@ -177,18 +177,27 @@ fn write_soup(castle: &Mesh, file: &Path) -> usize {
     let mut keyed: Vec<(f64, usize)> =
         (0..triangles.len()).scan(random, |r, i| Some((r.uniform(), i))).collect();
     keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut bytes = vec![b' '; 80];
-    bytes.extend((triangles.len() as u32).to_le_bytes());
-    for (_, i) in keyed {
-        let [a, b, c] = triangles[i];
-        bytes.extend([0; 12]);
-        for p in if i % 3 == 0 { [a, c, b] } else { [a, b, c] } {
-            p.iter().for_each(|x| bytes.extend((*x as f32).to_le_bytes()));
-        }
-        bytes.extend([0; 2]);
+    let (n, lines) = (triangles.len(), castle.segments());
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face {n}\nproperty list uchar int vertex_indices\nelement edge {}\nproperty int vertex1\n\
+         property int vertex2\nend_header\n",
+        3 * n + 2 * lines.len(),
+        lines.len()
+    );
+    let line_ends = lines.iter().flat_map(|s| s.ends).map(|e| castle.vertices()[e as usize]);
+    for p in keyed.iter().flat_map(|k| triangles[k.1]).chain(line_ends) {
+        text += &format!("{} {} {}\n", p.x, p.y, p.z);
     }
-    std::fs::write(file, bytes).expect("the file is written");
-    triangles.len()
+    for k in 0..n {
+        let [a, b, c] = [3 * k, 3 * k + 1, 3 * k + 2];
+        text += &if k % 3 == 0 { format!("3 {a} {c} {b}\n") } else { format!("3 {a} {b} {c}\n") };
+    }
+    for k in 0..lines.len() {
+        text += &format!("{} {}\n", 3 * n + 2 * k, 3 * n + 2 * k + 1);
+    }
+    std::fs::write(file, text).expect("the file is written");
+    n
 }
 
 #[test]
@@ -198,7 +207,7 @@ fn castle_as_a_soup_of_triangles_is_tracked_like_the_castle() {
         load_mesh(root.join("mbt-depth/Castle-simu/Models/chateau.wrl"), Unit::Metre).expect("a model");
     let folder = std::env::temp_dir().join(format!("vt-soup-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a temporary folder");
-    let file = folder.join("castle.stl");
+    let file = folder.join("castle.ply");
     let triangles = write_soup(&castle, &file);
     assert!(triangles >= 10_000);
     let model = format!("models.castle.shape.params.parts.0.file={}", file.display());

@@ -50,7 +50,8 @@ impl Inspection {
             let order = r.order.map_or_else(|| json!("infinite"), |n| json!(n));
             json!({ "axis": vector(&r.axis), "order": order, "residual_m": r.residual })
         });
-        let mirrors = s.mirrors.iter().map(|m| json!({ "normal": vector(&m.normal), "residual_m": m.residual }));
+        let mirrors =
+            s.mirrors.iter().map(|m| json!({ "normal": vector(&m.normal), "residual_m": m.residual }));
         json!({
             "file": self.file.display().to_string(),
             "format": self.format,
@@ -158,7 +159,11 @@ impl fmt::Display for Inspection {
         }
         for m in &self.symmetries.mirrors {
             let [x, y, z] = [m.normal.x, m.normal.y, m.normal.z];
-            writeln!(f, "              mirror across ({x:+.3} {y:+.3} {z:+.3}), residual {}", length(m.residual))?;
+            writeln!(
+                f,
+                "              mirror across ({x:+.3} {y:+.3} {z:+.3}), residual {}",
+                length(m.residual)
+            )?;
         }
         Ok(())
     }
