@@ -1,5 +1,6 @@
 //! The command `vt`.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -149,11 +150,9 @@ fn inspect(file: &Path, unit: &str, out: Option<&Path>, json: bool) -> ExitCode 
             return ExitCode::from(2);
         }
     };
-    if json {
-        println!("{:#}", inspection.json());
-    } else {
-        print!("{inspection}");
-    }
+    let text = if json { format!("{:#}\n", inspection.json()) } else { inspection.to_string() };
+    // A reader that has seen enough, such as `head`, is no failure.
+    std::io::stdout().write_all(text.as_bytes()).ok();
     let Some(out) = out else { return ExitCode::SUCCESS };
     let saved = sheet(&inspection.mesh, &inspection.edges)
         .map_err(|e| e.to_string())
