@@ -5,4 +5,5 @@ pub mod model;
 pub mod model_sheet;
 pub mod progress;
 pub mod run;
+pub mod sim;
 pub mod verdict;

@@ -1,16 +1,15 @@
 //! The command `vt`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use miette::Report;
-use vt::model::Inspection;
-use vt::model_sheet::sheet;
+use vt::model::ModelCommand;
 use vt::progress::Bar;
 use vt::run::{Options, RunError, run};
-use vt_models::mesh::Unit;
+use vt::sim::{SimArgs, SimError};
 use vt_task::{Document, Registry, TaskErrors, check, explain, schema};
 
 /// Model-based visual tracking: run, check and explain task files.
@@ -52,6 +51,8 @@ enum Command {
         #[command(flatten)]
         task: TaskArgs,
     },
+    /// Records a simulated scenario: pictures, truth, and a task that tracks them.
+    Sim(SimArgs),
     /// Prints the JSON Schema of task files.
     Schema,
     /// Lists all methods that tasks can choose.
@@ -59,24 +60,6 @@ enum Command {
     /// Looks at model files.
     #[command(subcommand)]
     Model(ModelCommand),
-}
-
-#[derive(Subcommand)]
-enum ModelCommand {
-    /// Prints contents, size, problems, symmetries and edges of a model file.
-    Inspect {
-        /// VRML 97, OBJ, PLY, STL, glTF or CAO file.
-        file: PathBuf,
-        /// Length unit of the file.
-        #[arg(long, value_name = "UNIT", default_value = "m", value_parser = ["m", "cm", "mm", "in"])]
-        unit: String,
-        /// Draws the edges from six sides as the tracker sees them.
-        #[arg(long, value_name = "PNG")]
-        out: Option<PathBuf>,
-        /// Prints JSON instead of text.
-        #[arg(long)]
-        json: bool,
-    },
 }
 
 #[derive(Args)]
@@ -115,9 +98,16 @@ fn main() -> ExitCode {
         Command::Explain { task } => {
             checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry)))
         }
-        Command::Model(ModelCommand::Inspect { file, unit, out, json }) => {
-            return inspect(&file, &unit, out.as_deref(), json);
-        }
+        Command::Model(model) => return model.run(),
+        Command::Sim(sim) => match sim.run(&registry) {
+            Ok(shown) => {
+                print!("{shown}");
+                Ok(())
+            }
+            Err(SimError::Task(e)) => Err(e.into()),
+            Err(SimError::Device(e)) => Err(e.into()),
+            Err(e) => Cli::command().error(ErrorKind::InvalidValue, e).exit(),
+        },
         Command::Run { task, out, threads, max_frames, quiet } => {
             let out = out.unwrap_or_else(|| Path::new("out").join(task.task.file_stem().unwrap_or_default()));
             start(&task, &registry, out, threads, max_frames, quiet)
@@ -131,36 +121,6 @@ fn main() -> ExitCode {
         }
         Err(e) => {
             eprintln!("error: {e}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn inspect(file: &Path, unit: &str, out: Option<&Path>, json: bool) -> ExitCode {
-    let unit = match unit {
-        "cm" => Unit::Centimetre,
-        "mm" => Unit::Millimetre,
-        "in" => Unit::Inch,
-        _ => Unit::Metre,
-    };
-    let inspection = match Inspection::of(file, unit) {
-        Ok(inspection) => inspection,
-        Err(e) => {
-            eprintln!("error: {e}");
-            return ExitCode::from(2);
-        }
-    };
-    let text = if json { format!("{:#}\n", inspection.json()) } else { inspection.to_string() };
-    // A reader that has seen enough, such as `head`, is no failure.
-    std::io::stdout().write_all(text.as_bytes()).ok();
-    let Some(out) = out else { return ExitCode::SUCCESS };
-    let saved = sheet(&inspection.mesh, &inspection.edges)
-        .map_err(|e| e.to_string())
-        .and_then(|s| s.save_with_format(out, image::ImageFormat::Png).map_err(|e| e.to_string()));
-    match saved {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {}: {e}", out.display());
             ExitCode::FAILURE
         }
     }

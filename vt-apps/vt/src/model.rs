@@ -1,14 +1,66 @@
 //! `vt model inspect`: what is in a model file, what is wrong with it and what a tracker will see of it.
 
 use std::fmt;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
+use clap::Subcommand;
 use serde_json::{Value, json};
 use vt_models::diagnostics::{Diagnostics, diagnose};
 use vt_models::edges::{EdgeModel, EdgeOptions, MeshReport};
 use vt_models::loaders::{LoadError, load_mesh, loader};
 use vt_models::mesh::{Mesh, Unit};
 use vt_models::symmetry::Symmetries;
+
+use crate::model_sheet::sheet;
+
+/// What can be done with model files.
+#[derive(Subcommand)]
+pub enum ModelCommand {
+    /// Prints contents, size, problems, symmetries and edges of a model file.
+    Inspect {
+        /// VRML 97, OBJ, PLY, STL, glTF or CAO file.
+        file: PathBuf,
+        /// Length unit of the file.
+        #[arg(long, value_name = "UNIT", default_value = "m", value_parser = ["m", "cm", "mm", "in"])]
+        unit: String,
+        /// Draws the edges from six sides as the tracker sees them.
+        #[arg(long, value_name = "PNG")]
+        out: Option<PathBuf>,
+        /// Prints JSON instead of text.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+impl ModelCommand {
+    /// Does it; 2 for a bad model file, 1 where the picture cannot be written.
+    pub fn run(&self) -> ExitCode {
+        let Self::Inspect { file, unit, out, json } = self;
+        let inspection = match Inspection::of(file, named(unit)) {
+            Ok(inspection) => inspection,
+            Err(e) => {
+                eprintln!("error: {e}");
+                return ExitCode::from(2);
+            }
+        };
+        let text = if *json { format!("{:#}\n", inspection.json()) } else { inspection.to_string() };
+        // A reader that has seen enough, such as `head`, is no failure.
+        std::io::stdout().write_all(text.as_bytes()).ok();
+        let Some(out) = out else { return ExitCode::SUCCESS };
+        let saved = sheet(&inspection.mesh, &inspection.edges)
+            .map_err(|e| e.to_string())
+            .and_then(|s| s.save_with_format(out, image::ImageFormat::Png).map_err(|e| e.to_string()));
+        match saved {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(e) => {
+                eprintln!("error: {}: {e}", out.display());
+                ExitCode::FAILURE
+            }
+        }
+    }
+}
 
 /// Everything there is to say about a model.
 pub struct Inspection {
@@ -92,6 +144,16 @@ impl Inspection {
                 "smooth": e.smooth,
             },
         })
+    }
+}
+
+/// The unit with a name of the command line.
+fn named(name: &str) -> Unit {
+    match name {
+        "cm" => Unit::Centimetre,
+        "mm" => Unit::Millimetre,
+        "in" => Unit::Inch,
+        _ => Unit::Metre,
     }
 }
 

@@ -181,7 +181,8 @@ fn model_inspect_reports_and_draws() {
     let output = vt(&["model", "inspect", &file, "--unit", "cm", "--out", &sheet.display().to_string()]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let shown = text(&output.stdout);
-    for part in ["obj, lengths in cm", "10.0000 mm x 10.0000 mm", "12 creases", "no problems", "4-fold about"] {
+    for part in ["obj, lengths in cm", "10.0000 mm x 10.0000 mm", "12 creases", "no problems", "4-fold about"]
+    {
         assert!(shown.contains(part), "{part} in {shown}");
     }
     let picture = image::open(&sheet).unwrap().to_rgb8();
@@ -192,7 +193,9 @@ fn model_inspect_reports_and_draws() {
     assert_eq!((json["edges"]["creases"].as_u64(), json["polygons"].as_u64()), (Some(12), Some(6)));
     assert_eq!(json["symmetries"]["rotational"][0]["order"].as_u64(), Some(4));
     std::fs::write(dir.path().join("bad.stl"), "no model").unwrap();
-    for (bad, reason) in [("bad.stl", "header of 84 bytes"), ("absent.ply", "cannot be read"), ("a.step", "expected one of")] {
+    for (bad, reason) in
+        [("bad.stl", "header of 84 bytes"), ("absent.ply", "cannot be read"), ("a.step", "expected one of")]
+    {
         let output = vt(&["model", "inspect", &dir.path().join(bad).display().to_string()]);
         assert_eq!(output.status.code(), Some(2), "{bad}");
         assert!(text(&output.stderr).contains(reason), "{bad}: {}", text(&output.stderr));

@@ -104,8 +104,7 @@ impl Fisheye {
     /// Unit vector of the ray seen at normalised image coordinates; `None` outside the picture of the lens.
     pub(super) fn ray(&self, q: &Point2<f64>) -> Option<Vector3<f64>> {
         let radius = math::hypot(q.x, q.y);
-        // NaN fails, too.
-        if !(radius < self.radius) {
+        if radius.is_nan() || radius >= self.radius {
             return None;
         }
         // Newton's method, kept between bounds by bisection: θ' grows with θ up to the limit.

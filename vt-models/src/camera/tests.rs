@@ -108,7 +108,7 @@ fn fisheye_is_used_up_to_where_its_radius_grows() {
     let slope = |a: f64| 1.0 - 1.5 * a * a + 0.3 * a.powi(4);
     assert!(slope(pause.limit() * 0.999) > 0.0 && slope(pause.limit() * 1.001) < 0.0);
     // 90° and more have a ray, but none with Z = 1.
-    let side = Point2::new(318.2 + 610.0 * 1.5708, 241.7);
+    let side = Point2::new(318.2 + 610.0 * 1.58, 241.7);
     let wide = camera().with_fisheye(Fisheye::new(0.0, 0.0, 0.0, 0.0).unwrap());
     assert!(wide.ray(&side).unwrap().z < 0.0 && wide.unproject(&side).is_err());
 }

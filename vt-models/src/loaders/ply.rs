@@ -176,7 +176,7 @@ fn check_count(
         })
         .sum();
     // The last line of a text may end with the file.
-    let most = if least == 0 { 0 } else { (rest + 1) / least };
+    let most = (rest + 1).checked_div(least).unwrap_or(0);
     if element.count > most {
         let found = format!("{} elements `{}`", element.count, element.name);
         return Err(LoadError::syntax(

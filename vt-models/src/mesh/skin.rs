@@ -27,8 +27,8 @@ pub struct Skin {
 }
 
 impl Skin {
-    /// Changes the unit of length of all frames.
-    pub(crate) fn scale(&mut self, factor: f64) {
+    /// Changes the unit of length of all frames by this factor.
+    pub fn scale(&mut self, factor: f64) {
         for joint in &mut self.joints {
             for matrix in [&mut joint.object_from_joint, &mut joint.joint_from_object] {
                 (0..3).for_each(|row| matrix[(row, 3)] *= factor);
