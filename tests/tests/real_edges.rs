@@ -1,12 +1,14 @@
 //! The edge tracker on the sequences that ViSP ships: accuracy bounds, levels, loose and tight mode, determinism.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use nalgebra::Vector6;
 use vt_core::lie::SE3;
 use vt_core::manifold::Manifold;
 use vt_core::random::{Random, Source, Stream};
 use vt_core::report::{Status, StepReport};
+use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_models::loaders::load_mesh;
 use vt_models::mesh::{Mesh, Unit};
 use vt_tests::basin::Basin;
@@ -213,6 +215,11 @@ fn castle_as_a_soup_of_triangles_is_tracked_like_the_castle() {
     let file = folder.join("castle.ply");
     let triangles = write_soup(&castle, &file);
     assert!(triangles >= 10_000);
+    let begin = Instant::now();
+    let loaded = load_mesh(&file, Unit::Metre).expect("the soup");
+    let read = begin.elapsed();
+    let edges = EdgeModel::new(&loaded, &EdgeOptions::default()).expect("edges");
+    println!("soup: read in {read:.1?}, {} edges in {:.1?}", edges.edges().len(), begin.elapsed() - read);
     let model = format!("models.castle.shape.params.parts.0.file={}", file.display());
     let (soup, whole) = (run("castle-simu.toml", &[&model]), run("castle-simu.toml", &[]));
     std::fs::remove_dir_all(&folder).ok();

@@ -1,10 +1,9 @@
 //! glTF 2.0, text and binary: the `gltf` crate parses and validates, we walk the scene and read the buffers.
 
-use super::gltf_accessor::Buffers;
+use super::gltf_accessor::{Buffers, data_uri, decoded};
 use super::unique::Unique;
 use super::{LoadError, Loader, MAX_POLYGONS, finish, read};
 use crate::mesh::{Image, ImageContent, Joint, Material, Mesh, MeshData, Polygon, Segment, Unit};
-use base64::Engine;
 use gltf::mesh::Mode;
 use gltf::{Document, Gltf, Node, Primitive, Semantic};
 use nalgebra::{Matrix4, Point3, Vector3};
@@ -74,33 +73,6 @@ impl Loader for GltfLoader {
         }
         finish(data, path, unit)
     }
-}
-
-/// Bytes of a `data:` URI, with its type; `None` for other URIs.
-pub(super) fn data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), base64::DecodeError>> {
-    let (head, body) = uri.strip_prefix("data:")?.split_once(',')?;
-    let mime = head.strip_suffix(";base64")?.to_owned();
-    Some(base64::engine::general_purpose::STANDARD.decode(body).map(|bytes| (mime, bytes)))
-}
-
-/// A URI's path with `%20` and the like decoded (RFC 3986, 2.1).
-pub(super) fn decoded(uri: &str) -> String {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.as_bytes();
-    while let Some((&first, tail)) = rest.split_first() {
-        let hex = tail.get(..2).and_then(|h| u8::from_str_radix(std::str::from_utf8(h).ok()?, 16).ok());
-        match hex.filter(|_| first == b'%') {
-            Some(byte) => {
-                bytes.push(byte);
-                rest = &tail[2..];
-            }
-            None => {
-                bytes.push(first);
-                rest = tail;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 struct Reading<'a> {

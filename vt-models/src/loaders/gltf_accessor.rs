@@ -1,11 +1,38 @@
 //! Numbers in glTF buffers, with every range checked.
 
-use super::gltf::{data_uri, decoded};
 use super::{LoadError, read};
+use base64::Engine;
 use gltf::accessor::DataType;
 use gltf::buffer::{Source, View};
 use gltf::{Accessor, Document};
 use std::path::Path;
+
+/// Bytes of a `data:` URI, with its type; `None` for other URIs.
+pub(super) fn data_uri(uri: &str) -> Option<Result<(String, Vec<u8>), base64::DecodeError>> {
+    let (head, body) = uri.strip_prefix("data:")?.split_once(',')?;
+    let mime = head.strip_suffix(";base64")?.to_owned();
+    Some(base64::engine::general_purpose::STANDARD.decode(body).map(|bytes| (mime, bytes)))
+}
+
+/// A URI's path with `%20` and the like decoded (RFC 3986, 2.1).
+pub(super) fn decoded(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        let hex = tail.get(..2).and_then(|h| u8::from_str_radix(std::str::from_utf8(h).ok()?, 16).ok());
+        match hex.filter(|_| first == b'%') {
+            Some(byte) => {
+                bytes.push(byte);
+                rest = &tail[2..];
+            }
+            None => {
+                bytes.push(first);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
 
 /// The bytes of all buffers.
 pub(super) struct Buffers<'a> {
