@@ -13,7 +13,7 @@ fn allowed() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
         ("vt-io", &["vt-core"]),
         ("vt-sim", &["vt-core", "vt-models"]),
         ("vt-task", &["vt-core", "vt-models", "vt-vision", "vt-estimators", "vt-fusion", "vt-io", "vt-sim"]),
-        ("vt", &["vt-core", "vt-fusion", "vt-io", "vt-task"]),
+        ("vt", &["vt-core", "vt-models", "vt-fusion", "vt-io", "vt-task"]),
         ("vt-examples", &["vt", "vt-task"]),
         ("vt-tests", &["vt-core", "vt-models", "vt-fusion", "vt-io", "vt-task"]),
     ];

@@ -1,15 +1,19 @@
 //! The edge tracker on the sequences that ViSP ships: accuracy bounds, levels, loose and tight mode, determinism.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use nalgebra::Vector6;
 use vt_core::lie::SE3;
 use vt_core::manifold::Manifold;
-use vt_core::random::{Source, Stream};
+use vt_core::random::{Random, Source, Stream};
 use vt_core::report::{Status, StepReport};
+use vt_models::edges::{EdgeModel, EdgeOptions};
+use vt_models::loaders::load_mesh;
+use vt_models::mesh::{Mesh, Unit};
 use vt_tests::basin::Basin;
 use vt_tests::data;
-use vt_tests::replay::{Replay, Run};
+use vt_tests::replay::{Replay, Run, median};
 
 fn task(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../vt-apps/tasks").join(name)
@@ -159,6 +163,74 @@ fn threads_and_repetition_do_not_change_a_bit() {
         assert!(once == with(2), "one and two threads differ");
         assert!(once == with(1), "two runs differ");
     }
+}
+
+/// Writes the castle as at least 10,000 triangles of their own vertices in scrambled order, a third of them wound the
+/// other way, and its one explicit line, as PLY.
+fn write_soup(castle: &Mesh, file: &Path) -> usize {
+    let mut triangles: Vec<_> = castle.triangles().iter().map(|t| castle.corners(t)).collect();
+    while triangles.len() < 10_000 {
+        triangles = triangles
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| nalgebra::center(&p, &q));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+            })
+            .collect();
+    }
+    let random = Random::new(1, Stream::Sim, 0, 0, 0);
+    let mut keyed: Vec<(f64, usize)> =
+        (0..triangles.len()).scan(random, |r, i| Some((r.uniform(), i))).collect();
+    keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (n, lines) = (triangles.len(), castle.segments());
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face {n}\nproperty list uchar int vertex_indices\nelement edge {}\nproperty int vertex1\n\
+         property int vertex2\nend_header\n",
+        3 * n + 2 * lines.len(),
+        lines.len()
+    );
+    let line_ends = lines.iter().flat_map(|s| s.ends).map(|e| castle.vertices()[e as usize]);
+    for p in keyed.iter().flat_map(|k| triangles[k.1]).chain(line_ends) {
+        text += &format!("{} {} {}\n", p.x, p.y, p.z);
+    }
+    for k in 0..n {
+        let [a, b, c] = [3 * k, 3 * k + 1, 3 * k + 2];
+        text += &if k % 3 == 0 { format!("3 {a} {c} {b}\n") } else { format!("3 {a} {b} {c}\n") };
+    }
+    for k in 0..lines.len() {
+        text += &format!("{} {}\n", 3 * n + 2 * k, 3 * n + 2 * k + 1);
+    }
+    std::fs::write(file, text).expect("the file is written");
+    n
+}
+
+#[test]
+fn castle_as_a_soup_of_triangles_is_tracked_like_the_castle() {
+    let Some(root) = data::root("VISP_IMAGES") else { return };
+    let castle =
+        load_mesh(root.join("mbt-depth/Castle-simu/Models/chateau.wrl"), Unit::Metre).expect("a model");
+    let folder = std::env::temp_dir().join(format!("vt-soup-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    let file = folder.join("castle.ply");
+    let triangles = write_soup(&castle, &file);
+    assert!(triangles >= 10_000);
+    let begin = Instant::now();
+    let loaded = load_mesh(&file, Unit::Metre).expect("the soup");
+    let read = begin.elapsed();
+    let edges = EdgeModel::new(&loaded, &EdgeOptions::default()).expect("edges");
+    println!("soup: read in {read:.1?}, {} edges in {:.1?}", edges.edges().len(), begin.elapsed() - read);
+    let model = format!("models.castle.shape.params.parts.0.file={}", file.display());
+    let (soup, whole) = (run("castle-simu.toml", &[&model]), run("castle-simu.toml", &[]));
+    std::fs::remove_dir_all(&folder).ok();
+    println!(
+        "{triangles} triangles; median CPU ms a frame: soup {:.2}, model {:.2}",
+        median(&soup.cpu_ms),
+        median(&whole.cpu_ms)
+    );
+    assert_within("castle", errors(&whole), CASTLE_BOUND);
+    let bounds = errors(&whole).map(|e| 1.1 * e);
+    assert_within("soup of triangles", errors(&soup), bounds);
 }
 
 /// Starts within 20 mm and 5° (uniform on all axes) of the truth on the castle's frames: nearly all come home in one

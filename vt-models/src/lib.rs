@@ -2,6 +2,7 @@
 
 pub mod appearance;
 pub mod camera;
+pub mod diagnostics;
 pub mod edges;
 pub mod feature;
 #[cfg(feature = "loaders")]
@@ -10,6 +11,8 @@ pub mod mesh;
 pub mod raster;
 #[cfg(feature = "raycast")]
 pub mod raycast;
+#[cfg(feature = "raycast")]
+pub mod symmetry;
 pub mod visibility;
 pub mod warp;
 

@@ -1,11 +1,11 @@
 //! Ray casts against a mesh, through a bounding volume hierarchy of `parry3d` (in f32).
 //!
-//! The rasteriser answers "what is at every pixel"; this answers "what is along this one ray", and is its oracle.
+//! It also tells how far points are from the surface. The rasteriser answers "what is at every pixel"; this answers "what is along this one ray", and is its oracle.
 
 use crate::mesh::Mesh;
 use nalgebra::{Point3, Vector3};
 use parry3d::math::Vector;
-use parry3d::query::{Ray, RayCast};
+use parry3d::query::{PointQuery, Ray, RayCast};
 use parry3d::shape::{FeatureId, TriMesh};
 
 /// What a ray meets first.
@@ -42,6 +42,13 @@ impl RayCaster {
         let FeatureId::Face(face) = hit.feature else { return None };
         // Hits from behind count on from the number of triangles.
         Some(Hit { distance: f64::from(hit.time_of_impact), triangle: face % self.triangles })
+    }
+
+    /// Distance of a point to the nearest triangle, metres; `None` for a mesh without triangles.
+    #[must_use]
+    pub fn distance(&self, p: &Point3<f64>) -> Option<f64> {
+        let projected = self.shape.as_ref()?.project_local_point(vector(&p.coords), false);
+        Some(f64::from((projected.point - vector(&p.coords)).length()))
     }
 }
 

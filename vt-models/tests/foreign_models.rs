@@ -86,6 +86,75 @@ fn other_models() {
     assert!(load("head/LeePerrySmith.obj", Unit::Metre).polygons().len() > 1000);
 }
 
+#[test]
+fn formats_of_other_programs() {
+    let Some(root) = folder("VT_DATA") else { return };
+    let load = |name: &str, unit| load_mesh(root.join("models").join(name), unit);
+    // Vertices and faces as the headers state them, diameters computed from the texts by another program.
+    let expected = [
+        ("ply/bunny.ply", Unit::Metre, [35_947, 69_451, 0], 0.1983),
+        ("ply/ape.ply", Unit::Millimetre, [5841, 11_678, 0], 0.102_099),
+        ("ply/cow.ply", Unit::Metre, [2903, 5804, 0], 4.8277),
+        ("ply/plane.ply", Unit::Metre, [1335, 2452, 0], 1515.87),
+    ];
+    for (name, unit, expected, diameter) in expected {
+        let mesh = load(name, unit).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(counts(&mesh), expected, "{name}");
+        let d = mesh.diameter();
+        println!("{name}: diameter {d} m");
+        assert!((d / diameter - 1.0).abs() < 0.02, "{name}: {d} m");
+    }
+    let ape = load("ply/ape.ply", Unit::Millimetre).unwrap();
+    assert!(ape.polygons().iter().all(|p| p.colours.is_some() && p.normals.is_some()));
+    for hand in ["hand/left.glb", "hand/right.glb"] {
+        let mesh = load(hand, Unit::Metre).unwrap_or_else(|e| panic!("{e}"));
+        // 6942 and about as many indices; some of the 1360 vertices are doubles at seams.
+        let skin = mesh.skin().expect("a skinned hand");
+        println!("{hand}: {:?}, {} joints, diameter {} m", counts(&mesh), skin.joints.len(), mesh.diameter());
+        assert_eq!(skin.joints.len(), 25);
+        assert!(skin.joints.iter().any(|j| j.name == "index-finger-tip"));
+        assert!((2200..2400).contains(&mesh.polygons().len()) && mesh.vertices().len() <= 1360);
+        assert!((0.15..0.3).contains(&mesh.diameter()), "{}", mesh.diameter());
+        // The tip of the index finger lies at the surface.
+        let tip = skin.joints.iter().find(|j| j.name == "index-finger-tip").unwrap();
+        let tip = nalgebra::Point3::from(tip.object_from_joint.fixed_view::<3, 1>(0, 3).into_owned());
+        let nearest = mesh.vertices().iter().map(|v| (v - tip).norm()).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 0.02, "{nearest} m");
+        assert!(skin.weights.iter().all(|w| (w.iter().map(|w| w.1).sum::<f64>() - 1.0).abs() < 1e-6));
+    }
+    let draco = load("head/LeePerrySmith_draco.glb", Unit::Metre).unwrap_err().to_string();
+    assert!(draco.contains("KHR_draco_mesh_compression"), "{draco}");
+}
+
+/// Every model file there is loads, or is refused for a reason that we know.
+#[test]
+fn every_model_file_loads() {
+    let mut loaded = 0;
+    for variable in ["VISP_IMAGES", "VT_DATA"] {
+        let Some(root) = folder(variable) else { return };
+        let start = if variable == "VT_DATA" { root.join("models") } else { root };
+        let mut folders = vec![start];
+        while let Some(next) = folders.pop() {
+            for entry in std::fs::read_dir(&next).expect("a folder").filter_map(Result::ok) {
+                let path = entry.path();
+                let extension =
+                    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+                let known = ["wrl", "obj", "ply", "stl", "gltf", "glb", "cao"].contains(&extension.as_str());
+                if path.is_dir() {
+                    folders.push(path);
+                } else if known {
+                    let result = load_mesh(&path, Unit::Metre);
+                    let refused = path.ends_with("LeePerrySmith_draco.glb");
+                    assert_eq!(result.is_err(), refused, "{}: {:?}", path.display(), result.err());
+                    loaded += usize::from(!refused);
+                }
+            }
+        }
+    }
+    println!("{loaded} files");
+    assert!(loaded >= 30, "{loaded} files");
+}
+
 /// Unwelded triangles of a mesh, each cut into `4^levels`, in an order scrambled by a multiplicative hash.
 fn soup(mesh: &Mesh, levels: u32) -> Mesh {
     let mut triangles: Vec<_> = mesh.triangles().iter().map(|t| mesh.corners(t)).collect();

@@ -6,6 +6,9 @@ use crate::language::{Level, Picture, Task};
 use crate::node::Node;
 use crate::registry::{Checked, Listing, Referent, Registry};
 
+/// Largest angle to the optical axis that the simulated camera can draw, degrees.
+const WIDEST_SIMULATED: f64 = 70.0;
+
 /// Checks a document and returns its task.
 ///
 /// # Errors
@@ -133,6 +136,13 @@ impl Checker<'_> {
                 let node = self.document.root().at(&format!("{path}.camera"));
                 let node = node.unwrap_or(self.document.root());
                 self.problems.push(self.document.error(crate::registry::located(e, node)));
+            }
+            let widest = camera.camera().map_or(0.0, |c| c.widest_angle().to_degrees());
+            if sensor.kind == "simulated" && widest > WIDEST_SIMULATED {
+                let found = format!("a simulated camera that sees {widest:.0}° off its axis");
+                let expected =
+                    format!("at most {WIDEST_SIMULATED}°: it draws the image of a pinhole and bends it");
+                self.add(&format!("{path}.camera"), Problem::Mismatch { found, expected });
             }
         }
     }

@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use toml::Value;
 
-use crate::geometry::CameraSection;
+use crate::geometry::{CameraSection, Distortion};
 use crate::language::{Choice, ModelSection, Picture, TargetSection, Task};
 use crate::registry::Registry;
 
@@ -117,7 +117,11 @@ impl Sheet<'_> {
 }
 
 fn describe(camera: &CameraSection) -> String {
-    let lens = if camera.distortion.is_some() { "distortion" } else { "no distortion" };
+    let lens = match &camera.distortion {
+        None => "no distortion",
+        Some(Distortion::BrownConrady(_)) => "distortion",
+        Some(Distortion::KannalaBrandt(_)) => "fisheye",
+    };
     let ([w, h], [fx, fy]) = (camera.size, camera.focal);
     format!("{w}x{h} pixels, focal length {fx} and {fy}, {lens}")
 }

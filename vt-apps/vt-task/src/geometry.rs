@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
-use vt_models::camera::{Camera, CameraError, Lens};
+use vt_models::camera::{Camera, CameraError, Fisheye, Lens};
 
 use crate::quantity::{Angle, Length, Pixels};
 
@@ -77,7 +77,7 @@ pub(crate) fn rotation_of(m: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(svd.u? * svd.v_t?)))
 }
 
-/// Pinhole camera with lens distortion.
+/// Pinhole camera with lens distortion, or a fisheye camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSection {
@@ -106,6 +106,9 @@ impl CameraSection {
             Some(Distortion::BrownConrady(d)) => {
                 Ok(camera.with_lens(Lens::new(d.k1, d.k2, d.p1, d.p2, d.k3).map_err(wrong)?))
             }
+            Some(Distortion::KannalaBrandt(d)) => {
+                Ok(camera.with_fisheye(Fisheye::new(d.k1, d.k2, d.k3, d.k4).map_err(wrong)?))
+            }
         }
     }
 
@@ -125,7 +128,7 @@ impl CameraSection {
                 "positive focal lengths",
             ));
         }
-        Ok(())
+        self.camera().map(drop)
     }
 }
 
@@ -135,6 +138,8 @@ impl CameraSection {
 pub enum Distortion {
     /// Radial and tangential polynomial of Brown and Conrady, as in OpenCV.
     BrownConrady(BrownConrady),
+    /// Fisheye lens of Kannala and Brandt, as in OpenCV's `fisheye`; edges are seen up to 75° off the axis.
+    KannalaBrandt(KannalaBrandt),
 }
 
 /// Coefficients of the Brown–Conrady model, without unit.
@@ -151,4 +156,18 @@ pub struct BrownConrady {
     pub p2: f64,
     /// Radial, order r⁶.
     pub k3: f64,
+}
+
+/// Coefficients of the Kannala–Brandt model, without unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct KannalaBrandt {
+    /// Order θ³.
+    pub k1: f64,
+    /// Order θ⁵.
+    pub k2: f64,
+    /// Order θ⁷.
+    pub k3: f64,
+    /// Order θ⁹.
+    pub k4: f64,
 }

@@ -121,6 +121,8 @@ fn every_fault_is_found_where_it_is() {
         "name with a dot": "name = \"bare\"" => "name = \"b.c\"", at "\"b.c\"", P::Value { .. }, nearest None, expected "no dot";
         "missing folder": "folder = \".\"" => "folder = \"no/such/folder\"", at "\"no/such/folder\"", P::MissingFile { .. }, nearest None, expected "relative to the task file";
         "both of two choices": "folder = \".\"" => "folder = \".\", pattern = \"a%d.png\"", at "\"a%d.png\"", P::Value { .. }, nearest None, expected "either";
+        "a fisheye too wide for the simulation": "focal = [\"200 px\", \"200 px\"]" => "distortion = { kind = \"kannala-brandt\", params = {} }, focal = [\"50 px\", \"50 px\"]", at "", P::Mismatch { .. }, nearest None, expected "at most 70";
+        "a fisheye that folds back": "focal = [\"200 px\", \"200 px\"]" => "distortion = { kind = \"kannala-brandt\", params = { k1 = -20.0 } }, focal = [\"200 px\", \"200 px\"]", at "", P::Value { .. }, nearest None, expected "a camera";
         "uncalibrated and colour": "sensor = \"camera\", params" => "sensor = \"bare\", params", at "\"bare\"", P::Mismatch { .. }, nearest None, expected "camera";
         "no modality": "modalities = [{ kind = \"edges\", level = \"feature\", sensor = \"camera\", params = { sigma = \"0.5 px\" } }]" => "modalities = []", at "[]", P::Value { .. }, nearest None, expected "at least one";
         "two rotations": "start = {" => "start = { rotation = [\"1 deg\", \"1 deg\", \"1 deg\"], quaternion = [0.0, 0.0, 0.0, 1.0],", at "", P::Value { .. }, nearest None, expected "one of `rotation`";

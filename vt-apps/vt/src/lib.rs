@@ -3,6 +3,8 @@
 pub mod eval;
 pub mod failure;
 pub mod interrupt;
+pub mod model;
+pub mod model_sheet;
 pub mod progress;
 pub mod protocol;
 pub mod run;

@@ -6,6 +6,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use vt::eval::EvalArgs;
 use vt::failure::Failure;
+use vt::model::ModelCommand;
 use vt::run_command::{RunArgs, TaskArgs};
 use vt::sim::{SimArgs, SimError};
 use vt_task::{Registry, check, explain, schema};
@@ -42,6 +43,9 @@ enum Command {
     Schema,
     /// Lists all methods that tasks can choose.
     List,
+    /// Looks at model files.
+    #[command(subcommand)]
+    Model(ModelCommand),
 }
 
 fn main() -> ExitCode {
@@ -63,6 +67,7 @@ fn main() -> ExitCode {
         }
         Command::Eval(args) => args.start().map_err(Failure::from),
         Command::Run(args) => args.start(&registry),
+        Command::Model(model) => return model.run(),
         Command::Sim(sim) => match sim.run(&registry) {
             Ok(shown) => {
                 print!("{shown}");

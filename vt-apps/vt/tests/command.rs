@@ -169,3 +169,35 @@ fn ctrl_c_ends_the_run_with_complete_outputs() {
     assert!(report.contains("\"interrupted\": true"));
     assert!(dir.path().join("contact_sheet.png").exists());
 }
+
+#[test]
+fn model_inspect_reports_and_draws() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("cube.obj");
+    let corners = (0..8).map(|i| format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2));
+    let faces = "f 1 5 7 3\nf 2 4 8 6\nf 1 2 6 5\nf 3 7 8 4\nf 1 3 4 2\nf 5 6 8 7\n";
+    std::fs::write(&file, corners.collect::<String>() + faces).unwrap();
+    let (file, sheet) = (file.display().to_string(), dir.path().join("sheet.png"));
+    let output = vt(&["model", "inspect", &file, "--unit", "cm", "--out", &sheet.display().to_string()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let shown = text(&output.stdout);
+    for part in ["obj, lengths in cm", "10.0000 mm x 10.0000 mm", "12 creases", "no problems", "4-fold about"]
+    {
+        assert!(shown.contains(part), "{part} in {shown}");
+    }
+    let picture = image::open(&sheet).unwrap().to_rgb8();
+    let count = |colour: [u8; 3]| picture.pixels().filter(|p| p.0 == colour).count();
+    assert!(count([220, 60, 20]) > 1000 && count([30, 90, 200]) > 1000, "contours and creases");
+    let output = vt(&["model", "inspect", &file, "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((json["edges"]["creases"].as_u64(), json["polygons"].as_u64()), (Some(12), Some(6)));
+    assert_eq!(json["symmetries"]["rotational"][0]["order"].as_u64(), Some(4));
+    std::fs::write(dir.path().join("bad.stl"), "no model").unwrap();
+    for (bad, reason) in
+        [("bad.stl", "header of 84 bytes"), ("absent.ply", "cannot be read"), ("a.step", "expected one of")]
+    {
+        let output = vt(&["model", "inspect", &dir.path().join(bad).display().to_string()]);
+        assert_eq!(output.status.code(), Some(2), "{bad}");
+        assert!(text(&output.stderr).contains(reason), "{bad}: {}", text(&output.stderr));
+    }
+}

@@ -1,3 +1,4 @@
+use super::polynomial::first_nonpositive;
 use super::{CameraError, Scalar};
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -126,24 +127,5 @@ impl Lens {
 
 /// First positive `s = r²` with `d(r d)/dr = 1 + 3 k1 s + 5 k2 s² + 7 k3 s³ = 0`.
 fn monotone_limit([k1, k2, k3]: [f64; 3]) -> f64 {
-    let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
-    // Between its extremes (roots of 3 k1 + 10 k2 s + 21 k3 s²) the slope is monotone and has at most one root.
-    let (a, b, c) = (21.0 * k3, 10.0 * k2, 3.0 * k1);
-    let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
-    let q = -0.5 * (b + if b < 0.0 { -root } else { root });
-    let mut stops = [q / a, c / q, FAR];
-    stops.sort_by(f64::total_cmp);
-    let mut low = 0.0;
-    for stop in stops.into_iter().filter(|s| s.is_finite() && *s > 0.0 && *s <= FAR) {
-        if slope(stop) <= 0.0 {
-            let mut high = stop;
-            for _ in 0..200 {
-                let middle = f64::midpoint(low, high);
-                if slope(middle) > 0.0 { low = middle } else { high = middle }
-            }
-            return low;
-        }
-        low = stop;
-    }
-    f64::INFINITY
+    first_nonpositive(&[1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3], FAR).unwrap_or(f64::INFINITY)
 }

@@ -1,26 +1,24 @@
-//! Pinhole camera with Brown–Conrady lens distortion.
+//! Pinhole camera with Brown–Conrady lens distortion, and fisheye camera of Kannala and Brandt.
 //!
-//! With `x = X/Z`, `y = Y/Z`, `s = x² + y²` and `d(s) = 1 + k1 s + k2 s² + k3 s³` (D. C. Brown, *Decentering
+//! Pinhole: with `x = X/Z`, `y = Y/Z`, `s = x² + y²` and `d(s) = 1 + k1 s + k2 s² + k3 s³` (D. C. Brown, *Decentering
 //! distortion of lenses*, 1966):
 //! `x' = x d + 2 p1 x y + p2 (s + 2x²)`, `y' = y d + p1 (s + 2y²) + 2 p2 x y`, `u = fx x' + cx`, `v = fy y' + cy`.
+//! Fisheye: see [`Fisheye`].
 //! Camera axes: x right, y down, z forward, metres. Pixel centres lie at integer coordinates.
 
+mod fisheye;
 mod lens;
+mod polynomial;
 
+pub use fisheye::Fisheye;
 pub use lens::Lens;
 
-use nalgebra::{Matrix2, Matrix2x3, Point2, Point3, Vector3};
-use std::ops::{Add, Div, Mul, Sub};
+use nalgebra::{Matrix2, Matrix2x3, Point2, Point3, RealField, Vector3};
+use vt_core::math;
 
-/// The arithmetic the projection needs: `f64`, `f32`, dual numbers.
-pub trait Scalar:
-    Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
-{
-}
-impl<T> Scalar for T where
-    T: Copy + From<f64> + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Div<Output = T>
-{
-}
+/// The arithmetic the projection needs: `f64`, dual numbers.
+pub trait Scalar: RealField + Copy + From<f64> {}
+impl<T: RealField + Copy + From<f64>> Scalar for T {}
 
 /// Points closer to the camera plane than this are not projected, metres.
 pub const MIN_DEPTH: f64 = 1e-6;
@@ -39,6 +37,15 @@ pub enum CameraError {
         /// Its range.
         expected: &'static str,
     },
+    /// The image radius of a fisheye lens ceases to grow close to the axis.
+    #[error(
+        "fisheye coefficients: found an image radius that grows up to {:.1}° off the axis only, expected at least 20°",
+        limit.to_degrees()
+    )]
+    NotMonotone {
+        /// Angle at which it ceases to grow, radians.
+        limit: f64,
+    },
     /// No direction within the valid part of the lens model is seen at the pixel.
     #[error("pixel ({u}, {v}): found no ray, expected one inside the valid region of the lens distortion")]
     NoRay {
@@ -47,6 +54,15 @@ pub enum CameraError {
         /// Row.
         v: f64,
     },
+}
+
+/// How rays become normalised image coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Optics {
+    /// Central perspective and a lens that distorts its image.
+    Perspective(Lens),
+    /// A fisheye lens.
+    Fisheye(Fisheye),
 }
 
 /// A calibrated camera.
@@ -58,7 +74,7 @@ pub struct Camera {
     cy: f64,
     width: u32,
     height: u32,
-    lens: Lens,
+    optics: Optics,
 }
 
 impl Camera {
@@ -82,13 +98,19 @@ impl Camera {
                 return Err(CameraError::Parameter { name, found: 0.0, expected: "at least 1 pixel" });
             }
         }
-        Ok(Self { fx, fy, cx, cy, width, height, lens: Lens::NONE })
+        Ok(Self { fx, fy, cx, cy, width, height, optics: Optics::Perspective(Lens::NONE) })
     }
 
     /// The same camera with a lens.
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
-        Self { lens, ..self }
+        Self { optics: Optics::Perspective(lens), ..self }
+    }
+
+    /// The same camera with a fisheye lens.
+    #[must_use]
+    pub fn with_fisheye(self, lens: Fisheye) -> Self {
+        Self { optics: Optics::Fisheye(lens), ..self }
     }
 
     /// Focal lengths `(fx, fy)`, pixels.
@@ -109,13 +131,13 @@ impl Camera {
         (self.width, self.height)
     }
 
-    /// The lens.
+    /// The optics.
     #[must_use]
-    pub fn lens(&self) -> &Lens {
-        &self.lens
+    pub fn optics(&self) -> &Optics {
+        &self.optics
     }
 
-    /// The same camera with an ideal lens: what the rasteriser draws.
+    /// The pinhole camera with the same focal lengths: what the rasteriser draws.
     #[must_use]
     pub fn without_lens(self) -> Self {
         self.with_lens(Lens::NONE)
@@ -128,34 +150,52 @@ impl Camera {
         inside(pixel.x, self.width) && inside(pixel.y, self.height)
     }
 
-    /// The formula alone, without validity tests, for any scalar.
+    /// The formula alone, without validity tests, for any scalar; a fisheye's has no value on the axis.
     pub fn project_generic<T: Scalar>(&self, p_in_camera: [T; 3]) -> [T; 2] {
-        let [x, y, z] = p_in_camera;
-        let [x, y] = self.lens.distort_generic([x / z, y / z]);
+        let [x, y] = match &self.optics {
+            Optics::Perspective(lens) => {
+                let [x, y, z] = p_in_camera;
+                lens.distort_generic([x / z, y / z])
+            }
+            Optics::Fisheye(lens) => lens.project_generic(p_in_camera),
+        };
         [x * T::from(self.fx) + T::from(self.cx), y * T::from(self.fy) + T::from(self.cy)]
     }
 
-    /// Pixel of a point in camera coordinates; `None` behind the camera or outside the valid region of the lens.
+    /// Pixel of a point in camera coordinates; `None` outside the valid region of the lens, and but for fisheyes behind
+    /// the camera.
     #[must_use]
     pub fn project(&self, p_in_camera: &Point3<f64>) -> Option<Point2<f64>> {
         let p = p_in_camera;
-        if self.lens == Lens::NONE && p.z > MIN_DEPTH {
-            return Some(Point2::new(p.x / p.z * self.fx + self.cx, p.y / p.z * self.fy + self.cy));
+        match &self.optics {
+            Optics::Perspective(lens) => {
+                if *lens == Lens::NONE && p.z > MIN_DEPTH {
+                    return Some(Point2::new(p.x / p.z * self.fx + self.cx, p.y / p.z * self.fy + self.cy));
+                }
+                let valid = p.z > MIN_DEPTH && lens.is_valid(p.x / p.z, p.y / p.z);
+                valid.then(|| self.project_generic([p.x, p.y, p.z]).into())
+            }
+            Optics::Fisheye(lens) => lens.project(p).map(|q| self.pixel(&q)),
         }
-        let valid = p.z > MIN_DEPTH && self.lens.is_valid(p.x / p.z, p.y / p.z);
-        valid.then(|| self.project_generic([p.x, p.y, p.z]).into())
     }
 
     /// As [`Camera::project`], with `∂(u, v)/∂(X, Y, Z)` in pixels per metre.
     #[must_use]
     pub fn project_with_jacobian(&self, p_in_camera: &Point3<f64>) -> Option<(Point2<f64>, Matrix2x3<f64>)> {
         let p = p_in_camera;
+        let lens = match &self.optics {
+            Optics::Perspective(lens) => lens,
+            Optics::Fisheye(lens) => {
+                let (q, jacobian) = lens.project_with_jacobian(p)?;
+                return Some((self.pixel(&q), Matrix2::new(self.fx, 0.0, 0.0, self.fy) * jacobian));
+            }
+        };
         if p.z.is_nan() || p.z <= MIN_DEPTH {
             return None;
         }
         let inverse = 1.0 / p.z;
         let (x, y) = (p.x * inverse, p.y * inverse);
-        if self.lens == Lens::NONE {
+        if *lens == Lens::NONE {
             let jacobian = Matrix2x3::new(
                 self.fx * inverse,
                 0.0,
@@ -166,23 +206,54 @@ impl Camera {
             );
             return Some((Point2::new(x * self.fx + self.cx, y * self.fy + self.cy), jacobian));
         }
-        if !self.lens.is_valid(x, y) {
+        if !lens.is_valid(x, y) {
             return None;
         }
-        let (q, lens) = self.lens.distort_with_jacobian(x, y);
+        let (q, lens) = lens.distort_with_jacobian(x, y);
         let perspective = Matrix2x3::new(inverse, 0.0, -x * inverse, 0.0, inverse, -y * inverse);
-        let scale = Matrix2::new(self.fx, 0.0, 0.0, self.fy);
-        Some((Point2::new(q.x * self.fx + self.cx, q.y * self.fy + self.cy), scale * lens * perspective))
+        Some((self.pixel(&q), Matrix2::new(self.fx, 0.0, 0.0, self.fy) * lens * perspective))
+    }
+
+    /// Pixel of normalised image coordinates.
+    fn pixel(&self, q: &Point2<f64>) -> Point2<f64> {
+        Point2::new(q.x * self.fx + self.cx, q.y * self.fy + self.cy)
     }
 
     /// The ray `(X, Y, 1)` seen at a pixel.
     ///
     /// # Errors
-    /// [`CameraError::NoRay`] where the inverse of the distortion does not converge inside its valid region.
+    /// [`CameraError::NoRay`] where the inverse of the distortion does not converge inside its valid region, and where a
+    /// fisheye sees 90° or more off the axis; [`Camera::ray`] has those.
     pub fn unproject(&self, pixel: &Point2<f64>) -> Result<Vector3<f64>, CameraError> {
+        let ray = self.ray(pixel)?;
+        if ray.z > MIN_DEPTH { Ok(ray / ray.z) } else { Err(CameraError::NoRay { u: pixel.x, v: pixel.y }) }
+    }
+
+    /// A vector along the ray seen at a pixel: of unit length for a fisheye, else `(X, Y, 1)`.
+    ///
+    /// # Errors
+    /// [`CameraError::NoRay`] where no direction within the valid region of the lens is seen.
+    pub fn ray(&self, pixel: &Point2<f64>) -> Result<Vector3<f64>, CameraError> {
         let distorted = Point2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
-        let ideal = self.lens.undistort(&distorted).ok_or(CameraError::NoRay { u: pixel.x, v: pixel.y })?;
-        Ok(Vector3::new(ideal.x, ideal.y, 1.0))
+        let ray = match &self.optics {
+            Optics::Perspective(lens) => lens.undistort(&distorted).map(|q| Vector3::new(q.x, q.y, 1.0)),
+            Optics::Fisheye(lens) => lens.ray(&distorted),
+        };
+        ray.ok_or(CameraError::NoRay { u: pixel.x, v: pixel.y })
+    }
+
+    /// Largest angle to the optical axis seen anywhere in the picture, radians; that of the lens where it does not
+    /// fill the picture.
+    #[must_use]
+    pub fn widest_angle(&self) -> f64 {
+        let (right, bottom) = (f64::from(self.width) - 0.5, f64::from(self.height) - 0.5);
+        let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]].map(Point2::from);
+        let limit = match &self.optics {
+            Optics::Perspective(lens) => math::atan(lens.limit().sqrt()),
+            Optics::Fisheye(lens) => lens.limit(),
+        };
+        let angle = |r: Vector3<f64>| math::atan2(math::hypot(r.x, r.y), r.z);
+        corners.iter().map(|c| self.ray(c).map_or(limit, angle)).fold(0.0, f64::max)
     }
 
     /// The camera of pyramid level `l`: `x_l = (x_0 + 0.5) / 2^l - 0.5`, sizes halved and rounded down.
@@ -207,7 +278,7 @@ impl Camera {
             cy: (self.cy + 0.5) * factor - 0.5,
             width: size(self.width),
             height: size(self.height),
-            lens: self.lens,
+            optics: self.optics,
         }
     }
 }

@@ -10,10 +10,12 @@ mod sheet;
 mod weld;
 
 pub use sheet::{EdgeKind, Sheet};
+pub(crate) use weld::weld;
 
 use crate::mesh::Mesh;
 use collinear::Raw;
 use nalgebra::{Point3, Vector3};
+use std::collections::HashMap;
 
 /// What counts as an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +101,8 @@ pub struct MeshReport {
 #[derive(Clone, Debug)]
 pub struct EdgeModel {
     edges: Vec<Edge>,
+    joints: Vec<[u32; 2]>,
+    joint_count: usize,
     report: MeshReport,
 }
 
@@ -141,7 +145,8 @@ impl EdgeModel {
                 EdgeKind::Smooth => &mut report.smooth,
             } += 1;
         }
-        Ok(Self { edges, report })
+        let (joints, joint_count) = joints(&edges);
+        Ok(Self { edges, joints, joint_count, report })
     }
 
     /// All edges; their position is the edge id.
@@ -155,11 +160,37 @@ impl EdgeModel {
         self.edges.iter().filter(|e| e.kind != EdgeKind::Smooth)
     }
 
+    /// Ids of the places where the ends of an edge lie; edges that meet share one.
+    ///
+    /// # Panics
+    /// Where there is no such edge.
+    pub(crate) fn joints(&self, edge: usize) -> [u32; 2] {
+        self.joints[edge]
+    }
+
+    /// How many different places edges end at.
+    pub(crate) fn joint_count(&self) -> usize {
+        self.joint_count
+    }
+
     /// Counts.
     #[must_use]
     pub fn report(&self) -> &MeshReport {
         &self.report
     }
+}
+
+/// An id for each place where edges end, and how many there are. Ends were welded, so that equal means identical.
+fn joints(edges: &[Edge]) -> (Vec<[u32; 2]>, usize) {
+    let mut known: HashMap<[u64; 3], u32> = HashMap::with_capacity(2 * edges.len());
+    let joints = edges.iter().map(|e| {
+        e.ends.map(|p| {
+            let next = known.len() as u32;
+            *known.entry([p.x, p.y, p.z].map(f64::to_bits)).or_insert(next)
+        })
+    });
+    let joints = joints.collect();
+    (joints, known.len())
 }
 
 /// Sides of polygons and lines between welded vertices, those with the same ends as one.

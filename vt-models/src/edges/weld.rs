@@ -5,7 +5,7 @@ use std::collections::HashMap;
 ///
 /// The first point of a neighbourhood represents it, so the result depends on the input order only within the
 /// tolerance. The map is looked up, never iterated.
-pub(super) fn weld(points: &[Point3<f64>], tolerance: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
+pub(crate) fn weld(points: &[Point3<f64>], tolerance: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
     let cell = |p: &Point3<f64>| [p.x, p.y, p.z].map(|c| (c / tolerance).floor() as i64);
     let mut grid: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(points.len());
     let mut unique: Vec<Point3<f64>> = Vec::new();

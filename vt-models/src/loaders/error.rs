@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// The file name extension is of no known format.
+    /// Neither the content nor the file name extension is of a known format.
     #[error("{}: found extension `{found}`, expected one of {known}", file.display())]
     UnknownExtension {
         /// The file.
@@ -13,6 +13,16 @@ pub enum LoadError {
         /// Its extension, lower case.
         found: String,
         /// Known extensions.
+        known: String,
+    },
+    /// The file needs an extension of its format that we do not have.
+    #[error("{}: needs the extension `{extension}`, expected none but {known}", file.display())]
+    Extension {
+        /// The file.
+        file: PathBuf,
+        /// Name of the extension.
+        extension: String,
+        /// Extensions that may be required.
         known: String,
     },
     /// The file cannot be read.

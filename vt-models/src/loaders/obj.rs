@@ -1,5 +1,6 @@
 //! Wavefront OBJ with MTL, through `tobj`.
 
+use super::unique::Unique;
 use super::{LoadError, Loader, finish, read};
 use crate::mesh::{Material, Mesh, MeshData, Polygon, Segment, Unit};
 use nalgebra::Point3;
@@ -10,7 +11,7 @@ use tobj::{LoadError as ObjError, LoadOptions, Model};
 
 /// Reader of `.obj` files with their `.mtl` libraries.
 ///
-/// Polygons and texture coordinates are kept; vertices with identical coordinates become one. Objects and groups
+/// Polygons, texture coordinates, normals and vertex colours are kept; vertices with identical coordinates become one. Objects and groups
 /// are parts. A missing material library leaves the polygons without material, as other programs do.
 pub struct ObjLoader;
 
@@ -84,33 +85,32 @@ fn locate(path: &Path, text: &str, rows: &[String], error: ObjError) -> LoadErro
 
 fn assemble(models: &[Model], materials: Vec<tobj::Material>) -> MeshData {
     let mut data = MeshData::default();
-    data.materials.extend(materials.into_iter().map(|m| Material {
-        name: m.name,
-        diffuse: m.diffuse.unwrap_or([0.8; 3]).map(|c| c as f32),
-        texture: m.diffuse_texture,
+    data.materials.extend(materials.into_iter().map(|m| {
+        Material {
+            name: m.name,
+            // Without colour a texture shows as it is.
+            diffuse: m
+                .diffuse
+                .unwrap_or(if m.diffuse_texture.is_some() { [1.0; 3] } else { [0.8; 3] })
+                .map(|c| c as f32),
+            texture: m.diffuse_texture,
+        }
     }));
-    let mut welded: HashMap<[u64; 3], u32> = HashMap::new();
+    let mut unique = Unique::default();
     for model in models {
         let part = data.parts.len() as u32;
         data.parts.push(model.name.clone());
         let material = model.mesh.material_id.map(|m| m as u32);
-        let ids: Vec<u32> = model
-            .mesh
-            .positions
-            .chunks_exact(3)
-            .map(|p| {
-                // Adding zero turns -0 into 0.
-                let p = Point3::new(p[0] + 0.0, p[1] + 0.0, p[2] + 0.0);
-                *welded.entry([p.x.to_bits(), p.y.to_bits(), p.z.to_bits()]).or_insert_with(|| {
-                    data.vertices.push(p);
-                    data.vertices.len() as u32 - 1
-                })
-            })
-            .collect();
+        let ids: Vec<u32> =
+            model.mesh.positions.chunks_exact(3).map(|p| unique.id(&Point3::new(p[0], p[1], p[2]))).collect();
         let mesh = &model.mesh;
         let texture = |i: &u32| {
             let i = *i as usize * 2;
             mesh.texcoords.get(i..i + 2).map(|t| [t[0] as f32, t[1] as f32])
+        };
+        let three = |values: &[f64], i: u32| {
+            let i = i as usize * 3;
+            values.get(i..i + 3).map(|v| [v[0] as f32, v[1] as f32, v[2] as f32])
         };
         let arities = Some(&mesh.face_arities).filter(|a| !a.is_empty()).cloned();
         let mut at = 0;
@@ -122,12 +122,28 @@ fn assemble(models: &[Model], materials: Vec<tobj::Material>) -> MeshData {
                 [_] => {}
                 [a, b] => data.segments.push(Segment { ends: [a, b], material, part }),
                 _ => {
-                    let texcoords =
-                        mesh.texcoord_indices.get(range).and_then(|t| t.iter().map(texture).collect());
-                    data.polygons.push(Polygon { corners, texcoords, material, part, name: None });
+                    let texcoords = mesh
+                        .texcoord_indices
+                        .get(range.clone())
+                        .and_then(|t| t.iter().map(texture).collect());
+                    let normals = mesh
+                        .normal_indices
+                        .get(range.clone())
+                        .and_then(|n| n.iter().map(|i| three(&mesh.normals, *i)).collect());
+                    let colours = mesh.indices[range].iter().map(|i| three(&mesh.vertex_color, *i)).collect();
+                    data.polygons.push(Polygon {
+                        corners,
+                        texcoords,
+                        colours,
+                        normals,
+                        material,
+                        part,
+                        name: None,
+                    });
                 }
             }
         }
     }
+    data.vertices = unique.vertices;
     data
 }

@@ -1,6 +1,8 @@
 use super::*;
 use std::path::PathBuf;
 
+mod features;
+
 /// A file of our own in the system's temporary folder, removed at the end of the test.
 struct Temporary(PathBuf);
 
@@ -37,7 +39,10 @@ fn syntax_line(result: Result<Mesh, LoadError>) -> usize {
 #[test]
 fn unknown_extension_lists_the_known_ones() {
     let e = load_mesh("model.step", Unit::Metre).unwrap_err().to_string();
-    assert_eq!(e, "model.step: found extension `step`, expected one of .wrl, .vrml, .obj, .cao");
+    assert_eq!(
+        e,
+        "model.step: found extension `step`, expected one of .wrl, .vrml, .obj, .cao, .ply, .stl, .gltf, .glb"
+    );
     assert!(matches!(load_mesh("absent.cao", Unit::Metre), Err(LoadError::Read { .. })));
 }
 

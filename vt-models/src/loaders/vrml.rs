@@ -1,23 +1,29 @@
 //! VRML97 (ISO/IEC 14772-1): the `vrml97` crate parses, we walk the scene graph and compose the transforms.
 
 use super::vrml_geometry::Geometry;
-use super::{LoadError, Loader, finish, read};
-use crate::mesh::{Material, Mesh, MeshData, Unit};
-use nalgebra::{Affine3, Matrix4, Point3, Rotation3, Scale3, Translation3, Unit as Direction, Vector3};
+use super::{LoadError, Loader, MAX_POLYGONS, finish, read};
+use crate::mesh::{ImageContent, Material, Mesh, MeshData, Unit};
+use nalgebra::{
+    Affine3, Matrix4, Rotation2, Rotation3, Scale3, Translation3, Unit as Direction, Vector2, Vector3,
+};
 use std::path::Path;
 use vrml97::Scene;
-use vrml97::fields::{FieldValue, NodeId};
+use vrml97::fields::{FieldValue, Image, NodeId};
 
 /// Reader of `.wrl` files, plain or gzip-compressed.
 ///
 /// Reads Transform, Group, Anchor, Billboard, Collision, Switch (the chosen child), LOD (the finest level), DEF/USE
 /// and Shape with IndexedFaceSet, IndexedLineSet, ElevationGrid, Extrusion, Box, Cone, Cylinder and Sphere. Each
-/// Shape is a part, named by its DEF name. Lights, viewpoints and the like are passed over; `Inline` and prototypes
-/// are not followed.
+/// Shape is a part, named by its DEF name. Colours and normals per vertex or face, `creaseAngle`, texture coordinates,
+/// ImageTexture, PixelTexture and TextureTransform are read; primitives and extrusions take the texture coordinates of
+/// a face set without any. `Inline` files are followed when they lie in the file system. Lights, viewpoints and the
+/// like are passed over; prototypes are not followed.
 pub struct VrmlLoader;
 
 /// Deepest nesting of braces and brackets we hand to the recursive parser.
 const MAX_NESTING: usize = 256;
+/// Deepest chain of included files.
+const MAX_INLINES: usize = 16;
 /// Most scene-graph visits, against files whose USEs multiply.
 const MAX_VISITS: usize = 1_000_000;
 
@@ -26,18 +32,27 @@ impl Loader for VrmlLoader {
         &["wrl", "vrml"]
     }
 
+    fn recognizes(&self, head: &[u8]) -> bool {
+        head.starts_with(b"#VRML V2.0")
+    }
+
     fn load(&self, path: &Path, unit: Unit) -> Result<Mesh, LoadError> {
-        let text = vrml97::decode_text(&vrml97::gunzip(&read(path)?));
-        check_text(path, &text)?;
-        let scene = vrml97::Parser::new(&text, "")
-            .parse()
-            .map_err(|e| LoadError::syntax(path, e.line, e.message, "VRML97"))?;
-        let mut walk = Walk { scene: &scene, file: path, data: MeshData::default(), visits: 0 };
-        for root in scene.ctx(vrml97::scene::ROOT).root_nodes.iter().flatten() {
-            walk.node(*root, &Affine3::identity(), 0)?;
-        }
+        let text = decode(path)?;
+        let scene = parse(path, &text)?;
+        let mut walk = Walk { scene: &scene, file: path, data: MeshData::default(), visits: 0, inlines: 0 };
+        walk.roots(&Affine3::identity())?;
         finish(walk.data, path, unit)
     }
+}
+
+/// Text of a file, which may be compressed.
+fn decode(path: &Path) -> Result<String, LoadError> {
+    Ok(vrml97::decode_text(&vrml97::gunzip(&read(path)?)))
+}
+
+fn parse(path: &Path, text: &str) -> Result<Scene, LoadError> {
+    check_text(path, text)?;
+    vrml97::Parser::new(text, "").parse().map_err(|e| LoadError::syntax(path, e.line, e.message, "VRML97"))
 }
 
 /// Header and nesting, before the recursive parser sees the text.
@@ -151,9 +166,12 @@ impl<'a> Fields<'a> {
 
     pub fn floats(&self, name: &str) -> Vec<f64> {
         match self.value(name) {
-            Some(FieldValue::MFVec3f(v) | FieldValue::MFVec2f(v) | FieldValue::MFFloat(v)) => {
-                v.iter().map(|&x| decimal(x)).collect()
-            }
+            Some(
+                FieldValue::MFVec3f(v)
+                | FieldValue::MFVec2f(v)
+                | FieldValue::MFFloat(v)
+                | FieldValue::MFColor(v),
+            ) => v.iter().map(|&x| decimal(x)).collect(),
             Some(FieldValue::MFRotation(v) | FieldValue::MFVec3d(v)) => v.clone(),
             _ => Vec::new(),
         }
@@ -186,9 +204,17 @@ struct Walk<'a> {
     file: &'a Path,
     data: MeshData,
     visits: usize,
+    /// Files that include this one.
+    inlines: usize,
 }
 
 impl Walk<'_> {
+    fn roots(&mut self, object_from_scene: &Affine3<f64>) -> Result<(), LoadError> {
+        let scene = self.scene;
+        let mut roots = scene.ctx(vrml97::scene::ROOT).root_nodes.iter().flatten();
+        roots.try_for_each(|root| self.node(*root, object_from_scene, 0))
+    }
+
     fn node(&mut self, id: NodeId, object_from_node: &Affine3<f64>, depth: usize) -> Result<(), LoadError> {
         let fields = Fields { scene: self.scene, id };
         self.visits += 1;
@@ -219,6 +245,7 @@ impl Walk<'_> {
                     None => Ok(()),
                 }
             }
+            "Inline" => self.inline(fields, object_from_node),
             "Shape" => self.shape(fields, object_from_node),
             _ => Ok(()),
         }
@@ -230,39 +257,96 @@ impl Walk<'_> {
 
     fn shape(&mut self, shape: Fields, object_from_node: &Affine3<f64>) -> Result<(), LoadError> {
         let Some(node) = shape.child("geometry") else { return Ok(()) };
-        let Some(geometry) =
+        let Some(mut geometry) =
             Geometry::read(node).map_err(|(found, expected)| self.error(node, found, expected))?
         else {
             return Ok(());
         };
-        let material = shape.child("appearance").map(|appearance| {
-            let material = appearance.child("material");
-            let diffuse = material.and_then(|m| match m.value("diffuseColor")? {
-                FieldValue::SFColor(c) => Some([c.r() as f32, c.g() as f32, c.b() as f32]),
-                _ => None,
-            });
-            let texture = appearance.child("texture").and_then(|t| match t.value("url")? {
-                FieldValue::MFString(urls) => urls.first().cloned(),
-                _ => None,
-            });
-            // 0.8 grey is the standard's default; without a Material node objects are unlit white.
-            let default = if material.is_some() { [0.8; 3] } else { [1.0; 3] };
-            let name = material.filter(|m| !m.name().is_empty()).unwrap_or(appearance).name().to_owned();
-            Material { name, diffuse: diffuse.unwrap_or(default), texture }
-        });
-        let material = material.map(|m| {
-            let known = self.data.materials.iter().position(|k| *k == m);
-            known.unwrap_or_else(|| {
-                self.data.materials.push(m);
-                self.data.materials.len() - 1
-            }) as u32
-        });
+        if self.data.polygons.len() + geometry.polygon_count() > MAX_POLYGONS {
+            return Err(self.error(node, "more polygons", format!("at most {MAX_POLYGONS} in all")));
+        }
+        let appearance = shape.child("appearance");
+        let material = appearance.map(|appearance| self.material(appearance, &mut geometry));
         let part = self.data.parts.len() as u32;
         let name = if shape.name().is_empty() { node.name() } else { shape.name() };
         self.data.parts.push(name.to_owned());
-        let frame = |p: &Point3<f64>| object_from_node * p;
-        geometry.append(&mut self.data, frame, material, part);
+        geometry.append(&mut self.data, object_from_node, material, part);
         Ok(())
+    }
+
+    /// Index of the material of an appearance; its texture transform is applied to the geometry.
+    fn material(&mut self, appearance: Fields, geometry: &mut Geometry) -> u32 {
+        let material = appearance.child("material");
+        let diffuse = material.and_then(|m| match m.value("diffuseColor")? {
+            FieldValue::SFColor(c) => Some([c.r() as f32, c.g() as f32, c.b() as f32]),
+            _ => None,
+        });
+        let texture = appearance.child("texture").and_then(|t| match (t.value("url"), t.value("image")) {
+            (Some(FieldValue::MFString(urls)), _) => urls.first().cloned(),
+            (_, Some(FieldValue::SFImage(image))) => self.pixels(t.id, image),
+            _ => None,
+        });
+        if texture.is_some() {
+            geometry.map_texture();
+            if let Some(transform) = appearance.child("textureTransform") {
+                geometry.transform_texture(texture_transform(transform));
+            }
+        }
+        // 0.8 grey is the standard's default; without a Material node objects are unlit white.
+        let default = if material.is_some() { [0.8; 3] } else { [1.0; 3] };
+        let name = material.filter(|m| !m.name().is_empty()).unwrap_or(appearance).name().to_owned();
+        let material = Material { name, diffuse: diffuse.unwrap_or(default), texture };
+        let known = self.data.materials.iter().position(|k| *k == material);
+        known.unwrap_or_else(|| {
+            self.data.materials.push(material);
+            self.data.materials.len() - 1
+        }) as u32
+    }
+
+    /// Name of the pixels of a PixelTexture (6.33), which are taken in; `None` for an image without components.
+    fn pixels(&mut self, id: NodeId, image: &Image) -> Option<String> {
+        let name = format!("#pixels{id:?}");
+        if self.data.images.iter().any(|i| i.name == name) {
+            return Some(name);
+        }
+        let (width, height) = (u32::try_from(image.width).ok()?, u32::try_from(image.height).ok()?);
+        let byte = |v: i32, shift: u32| (v >> shift) as u8;
+        let rgba = |v: &i32| match image.comp {
+            1 => [byte(*v, 0), byte(*v, 0), byte(*v, 0), 255],
+            2 => [byte(*v, 8), byte(*v, 8), byte(*v, 8), byte(*v, 0)],
+            3 => [byte(*v, 16), byte(*v, 8), byte(*v, 0), 255],
+            _ => [byte(*v, 24), byte(*v, 16), byte(*v, 8), byte(*v, 0)],
+        };
+        let complete = image.array.len() as u64 == u64::from(width) * u64::from(height);
+        if !complete || image.array.is_empty() || image.comp < 1 {
+            return None;
+        }
+        // The file begins with the bottom row.
+        let rows = image.array.chunks_exact(width as usize).rev();
+        let rgba = rows.flatten().map(rgba).collect();
+        self.data
+            .images
+            .push(crate::mesh::Image { name: name.clone(), content: ImageContent::Pixels { width, rgba } });
+        Some(name)
+    }
+
+    /// The first file of an Inline node that lies beside this one; addresses of networks are passed over.
+    fn inline(&mut self, fields: Fields, object_from_node: &Affine3<f64>) -> Result<(), LoadError> {
+        let Some(FieldValue::MFString(urls)) = fields.value("url") else { return Ok(()) };
+        let Some(url) = urls.iter().find(|u| !u.contains("://")) else { return Ok(()) };
+        let file = self.file.parent().unwrap_or(Path::new("")).join(url);
+        if self.inlines >= MAX_INLINES {
+            let found = format!("`{url}` at depth {MAX_INLINES}");
+            return Err(self.error(fields, found, "files that do not include each other in a circle"));
+        }
+        let text = decode(&file)?;
+        let scene = parse(&file, &text)?;
+        let data = std::mem::take(&mut self.data);
+        let mut walk =
+            Walk { scene: &scene, file: &file, data, visits: self.visits, inlines: self.inlines + 1 };
+        let walked = walk.roots(object_from_node);
+        (self.data, self.visits) = (walk.data, walk.visits);
+        walked
     }
 
     fn error(&self, node: Fields, found: impl Into<String>, expected: impl Into<String>) -> LoadError {
@@ -274,6 +358,22 @@ impl Walk<'_> {
             found: found.into(),
             expected: expected.into(),
         }
+    }
+}
+
+/// `−C S R C T` on texture coordinates (6.49).
+fn texture_transform(fields: Fields) -> impl Fn([f32; 2]) -> [f32; 2] {
+    let pair = |name| match fields.value(name) {
+        Some(FieldValue::SFVec2f(v)) => Some(Vector2::new(v.x, v.y)),
+        _ => None,
+    };
+    let center = pair("center").unwrap_or_default();
+    let scale = pair("scale").unwrap_or_else(|| Vector2::repeat(1.0));
+    let translation = pair("translation").unwrap_or_default();
+    let rotation = Rotation2::new(fields.number("rotation").unwrap_or(0.0));
+    move |t| {
+        let moved = Vector2::from(t.map(f64::from)) + translation + center;
+        ((rotation * moved).component_mul(&scale) - center).cast::<f32>().into()
     }
 }
 

@@ -2,14 +2,18 @@
 
 use super::primitives::{Solid, cuboid, frustum, sphere};
 use super::vrml::{Fields, axis_angle};
-use crate::mesh::{MeshData, Polygon, Segment};
-use nalgebra::{Matrix3, Point3, Vector3};
+use crate::mesh::{MeshData, Polygon, Segment, unit_normal};
+use nalgebra::{Affine3, Matrix3, Point3, Vector3};
+use std::ops::Range;
+use vt_core::math;
 
-/// Points, polygons with optional texture coordinates, and lines of one geometry node.
+/// Points, polygons with what they have per corner, and lines of one geometry node.
 #[derive(Default)]
 pub(super) struct Geometry {
     solid: Solid,
     texcoords: Vec<Option<Vec<[f32; 2]>>>,
+    colours: Vec<Option<Vec<[f32; 3]>>>,
+    normals: Vec<Option<Vec<[f32; 3]>>>,
     lines: Vec<[u32; 2]>,
 }
 
@@ -33,7 +37,7 @@ impl Geometry {
                 let shown = |name| node.flag(name).unwrap_or(true);
                 frustum(r, 0.0, h, [shown("bottom"), false], shown("side"))
             }
-            "ElevationGrid" => elevation_grid(node)?,
+            "ElevationGrid" => return elevation_grid(node).map(Some),
             "Extrusion" => extrusion(node)?,
             "IndexedFaceSet" => return faces(node).map(Some),
             "IndexedLineSet" => return lines(node).map(Some),
@@ -42,20 +46,64 @@ impl Geometry {
         Ok(Some(Self { solid, ..Self::default() }))
     }
 
+    /// Gives faces without texture coordinates those of the standard (6.23): the longest side of the bounding box
+    /// is s from 0 to 1, the second longest t in the same scale.
+    pub fn map_texture(&mut self) {
+        let points = &self.solid.points;
+        let Some(first) = points.first() else { return };
+        let (low, high) = points.iter().fold((*first, *first), |(l, h), p| (l.inf(p), h.sup(p)));
+        let size = high - low;
+        let mut axes = [0, 1, 2];
+        // The sort is stable: of equal sides x comes before y before z, as the standard wants.
+        axes.sort_by(|&a, &b| size[b].total_cmp(&size[a]));
+        let scale = if size[axes[0]] > 0.0 { 1.0 / size[axes[0]] } else { 0.0 };
+        let at = |c: &u32| [axes[0], axes[1]].map(|k| ((points[*c as usize][k] - low[k]) * scale) as f32);
+        self.texcoords.resize(self.solid.polygons.len(), None);
+        for (texcoords, corners) in self.texcoords.iter_mut().zip(&self.solid.polygons) {
+            texcoords.get_or_insert_with(|| corners.iter().map(at).collect());
+        }
+    }
+
+    /// Applies a map to all texture coordinates.
+    pub fn transform_texture(&mut self, map: impl Fn([f32; 2]) -> [f32; 2]) {
+        self.texcoords.iter_mut().flatten().flatten().for_each(|t| *t = map(*t));
+    }
+
+    pub fn polygon_count(&self) -> usize {
+        self.solid.polygons.len()
+    }
+
     /// Adds the geometry to a mesh under construction.
     pub fn append(
         self,
         data: &mut MeshData,
-        frame: impl Fn(&Point3<f64>) -> Point3<f64>,
+        object_from_node: &Affine3<f64>,
         material: Option<u32>,
         part: u32,
     ) {
         let base = data.vertices.len() as u32;
-        data.vertices.extend(self.solid.points.iter().map(frame));
+        data.vertices.extend(self.solid.points.iter().map(|p| object_from_node * p));
+        let linear = object_from_node.matrix().fixed_view::<3, 3>(0, 0).into_owned();
+        // Normals go by the inverse transpose; without one the transform is flat and so is the shading.
+        let turn = linear.try_inverse().map_or(linear, |i| i.transpose());
+        let turned = |n: [f32; 3]| {
+            let n = turn * Vector3::from(n.map(f64::from));
+            n.try_normalize(0.0).unwrap_or_else(Vector3::zeros).cast::<f32>().into()
+        };
         let mut texcoords = self.texcoords.into_iter();
+        let mut colours = self.colours.into_iter();
+        let mut normals = self.normals.into_iter();
         data.polygons.extend(self.solid.polygons.into_iter().map(|mut corners| {
             corners.iter_mut().for_each(|c| *c += base);
-            Polygon { corners, texcoords: texcoords.next().flatten(), material, part, name: None }
+            Polygon {
+                corners,
+                texcoords: texcoords.next().flatten(),
+                colours: colours.next().flatten(),
+                normals: normals.next().flatten().map(|n: Vec<_>| n.into_iter().map(turned).collect()),
+                material,
+                part,
+                name: None,
+            }
         }));
         let lines = self.lines.iter().map(|l| Segment { ends: l.map(|e| e + base), material, part });
         data.segments.extend(lines);
@@ -74,16 +122,57 @@ fn vertex(index: i32, limit: usize, what: &str) -> Result<u32, Mismatch> {
         .ok_or_else(|| (format!("{what} {index}"), format!("-1 or an index below {limit}")))
 }
 
+/// A list of values that faces refer to per corner or per face (6.23): colours, normals, texture coordinates.
+struct Attribute<'a, const N: usize> {
+    values: Vec<[f32; N]>,
+    name: &'static str,
+    indices: &'a [i32],
+    per_vertex: bool,
+}
+
+impl<'a, const N: usize> Attribute<'a, N> {
+    fn new(node: Fields<'a>, field: &str, list: &str, name: &'static str, switch: Option<&str>) -> Self {
+        let flat = node.child(field).map(|c| c.floats(list)).unwrap_or_default();
+        let values = flat.chunks_exact(N).map(|c| std::array::from_fn(|k| c[k] as f32)).collect();
+        let per_vertex = switch.and_then(|s| node.flag(s)).unwrap_or(true);
+        Self { values, name, indices: node.integers(name), per_vertex }
+    }
+
+    fn value(&self, index: i32) -> Result<[f32; N], Mismatch> {
+        Ok(self.values[vertex(index, self.values.len(), self.name)? as usize])
+    }
+
+    /// Values of a face: `face` is its number, `range` where its corners stand in `coord`.
+    fn of(&self, face: usize, coord: &[i32], range: Range<usize>) -> Result<Option<Vec<[f32; N]>>, Mismatch> {
+        if self.values.is_empty() {
+            return Ok(None);
+        }
+        if !self.per_vertex {
+            let index =
+                if self.indices.is_empty() { Some(face as i32) } else { self.indices.get(face).copied() };
+            let index = index.ok_or_else(|| self.short(face + 1))?;
+            return Ok(Some(vec![self.value(index)?; range.len()]));
+        }
+        // An empty list means: as coordIndex.
+        let list = if self.indices.is_empty() { coord } else { self.indices };
+        let run = list.get(range.clone()).ok_or_else(|| self.short(range.end))?;
+        run.iter().map(|&i| self.value(i)).collect::<Result<_, _>>().map(Some)
+    }
+
+    fn short(&self, needed: usize) -> Mismatch {
+        (format!("{} entries in {}", self.indices.len(), self.name), format!("at least {needed}"))
+    }
+}
+
 fn faces(node: Fields) -> Result<Geometry, Mismatch> {
     let points = points(node);
     let indices = node.integers("coordIndex");
-    let flat = node.child("texCoord").map(|t| t.floats("point")).unwrap_or_default();
-    let texture: Vec<[f32; 2]> = flat.chunks_exact(2).map(|c| [c[0] as f32, c[1] as f32]).collect();
-    // An empty texCoordIndex means: as coordIndex.
-    let texture_indices = Some(node.integers("texCoordIndex")).filter(|t| !t.is_empty()).unwrap_or(indices);
+    let texture = Attribute::<2>::new(node, "texCoord", "point", "texCoordIndex", None);
+    let colour = Attribute::<3>::new(node, "color", "color", "colorIndex", Some("colorPerVertex"));
+    let normal = Attribute::<3>::new(node, "normal", "vector", "normalIndex", Some("normalPerVertex"));
     let clockwise = node.flag("ccw") == Some(false);
     let mut out = Geometry::default();
-    let mut at = 0;
+    let (mut at, mut face) = (0, 0);
     for run in indices.split(|&i| i < 0) {
         let range = at..at + run.len();
         at += run.len() + 1;
@@ -97,30 +186,52 @@ fn faces(node: Fields) -> Result<Geometry, Mismatch> {
         for &i in run {
             corners.push(vertex(i, points.len(), "coordIndex")?);
         }
-        let mut texcoords = None;
-        if !texture.is_empty() {
-            let run = texture_indices.get(range).ok_or_else(|| {
-                (
-                    format!("{} texCoordIndex entries", texture_indices.len()),
-                    format!("as many as coordIndex, {}", indices.len()),
-                )
-            })?;
-            let mut list = Vec::with_capacity(run.len());
-            for &i in run {
-                list.push(texture[vertex(i, texture.len(), "texCoordIndex")? as usize]);
-            }
-            texcoords = Some(list);
-        }
+        let mut texcoords = texture.of(face, indices, range.clone())?;
+        let mut colours = colour.of(face, indices, range.clone())?;
+        // Exporters do write one normal for all; shading is no reason to refuse a shape.
+        let mut normals = normal.of(face, indices, range).unwrap_or_default();
         if clockwise {
             corners.reverse();
             texcoords.iter_mut().for_each(|t| t.reverse());
+            colours.iter_mut().for_each(|t| t.reverse());
+            normals.iter_mut().for_each(|t| t.reverse());
         }
         out.solid.polygons.push(corners);
         out.texcoords.push(texcoords);
+        out.colours.push(colours);
+        out.normals.push(normals);
+        face += 1;
     }
     out.solid.points = points;
+    if let Some(angle) = node.number("creaseAngle").filter(|a| *a > 0.0 && normal.values.is_empty()) {
+        out.normals = crease_normals(&out.solid, angle);
+    }
     Ok(out)
 }
+
+/// Normals per corner, averaged over the faces at the vertex that turn from this one by less than the crease angle.
+fn crease_normals(solid: &Solid, angle: f64) -> Vec<Option<Vec<[f32; 3]>>> {
+    let face_normals: Vec<Option<Vector3<f64>>> = solid
+        .polygons
+        .iter()
+        .map(|corners| unit_normal(&corners.iter().map(|&c| solid.points[c as usize]).collect::<Vec<_>>()))
+        .collect();
+    let mut at_vertex: Vec<Vec<u32>> = vec![Vec::new(); solid.points.len()];
+    for (face, corners) in solid.polygons.iter().enumerate() {
+        corners.iter().for_each(|&c| at_vertex[c as usize].push(face as u32));
+    }
+    let least = math::cos(angle.min(std::f64::consts::PI));
+    let smooth = |own: &Vector3<f64>, corner: u32| -> [f32; 3] {
+        let near = at_vertex[corner as usize].iter().filter_map(|&f| face_normals[f as usize]);
+        let sum: Vector3<f64> = near.take(MAX_FACES_AT_VERTEX).filter(|n| n.dot(own) >= least).sum();
+        sum.try_normalize(1e-9).unwrap_or(*own).cast::<f32>().into()
+    };
+    let faces = solid.polygons.iter().zip(&face_normals);
+    faces.map(|(corners, own)| own.map(|own| corners.iter().map(|&c| smooth(&own, c)).collect())).collect()
+}
+
+/// Faces at a vertex that its normal takes into account: more are a fan or an attack.
+const MAX_FACES_AT_VERTEX: usize = 1000;
 
 /// Polylines; a polyline of one point, which modellers do write, draws nothing.
 fn lines(node: Fields) -> Result<Geometry, Mismatch> {
@@ -136,8 +247,9 @@ fn lines(node: Fields) -> Result<Geometry, Mismatch> {
     Ok(out)
 }
 
-/// Height field over the xz plane (6.17), one quadrilateral per cell.
-fn elevation_grid(node: Fields) -> Result<Solid, Mismatch> {
+/// Height field over the xz plane (6.17), one quadrilateral per cell; colours per vertex or cell, texture
+/// coordinates as given or over the whole field.
+fn elevation_grid(node: Fields) -> Result<Geometry, Mismatch> {
     let size = |name| node.integer(name).and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
     let (nx, nz) = (size("xDimension"), size("zDimension"));
     let (dx, dz) = (node.number("xSpacing").unwrap_or(1.0), node.number("zSpacing").unwrap_or(1.0));
@@ -149,15 +261,29 @@ fn elevation_grid(node: Fields) -> Result<Solid, Mismatch> {
         let (x, z) = (i as u32 % nx, i as u32 / nx);
         Point3::new(dx * f64::from(x), y, dz * f64::from(z))
     });
-    let points = points.collect();
-    let mut polygons = Vec::new();
+    let mut out =
+        Geometry { solid: Solid { points: points.collect(), polygons: vec![] }, ..Geometry::default() };
+    let texture = Attribute::<2>::new(node, "texCoord", "point", "texCoord", None);
+    let colour = Attribute::<3>::new(node, "color", "color", "color", Some("colorPerVertex"));
     for z in 1..nz {
         for x in 1..nx {
             let at = |x: u32, z: u32| z * nx + x;
-            polygons.push(vec![at(x - 1, z - 1), at(x - 1, z), at(x, z), at(x, z - 1)]);
+            let corners = [at(x - 1, z - 1), at(x - 1, z), at(x, z), at(x, z - 1)];
+            let as_indices = corners.map(|c| c as i32);
+            let cell = ((z - 1) * (nx - 1) + x - 1) as usize;
+            let texcoords = match texture.of(cell, &as_indices, 0..4)? {
+                Some(given) => given,
+                None => {
+                    let share = |c: u32, n: u32| c as f32 / (n - 1) as f32;
+                    corners.iter().map(|c| [share(c % nx, nx), share(c / nx, nz)]).collect()
+                }
+            };
+            out.texcoords.push(Some(texcoords));
+            out.colours.push(colour.of(cell, &as_indices, 0..4)?);
+            out.solid.polygons.push(corners.to_vec());
         }
     }
-    Ok(Solid { points, polygons })
+    Ok(out)
 }
 
 /// Cross-section swept along a spine (6.18); the spine-aligned plane of a straight spine is turned least from y.

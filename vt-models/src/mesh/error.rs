@@ -1,4 +1,4 @@
-use super::MeshData;
+use super::{MeshData, Skin};
 
 /// Why loose data is no mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -41,18 +41,71 @@ pub enum MeshError {
         /// Corners found.
         found: usize,
     },
-    /// Texture coordinates do not match the corners, or are not finite.
-    #[error(
-        "polygon {polygon} has {found} finite texture coordinates for {corners} corners, expected as many"
-    )]
-    Texcoords {
+    /// Texture coordinates, colours or normals do not match the corners, or are not finite.
+    #[error("polygon {polygon} has {found} finite {what} for {corners} corners, expected as many")]
+    Corners {
         /// Polygon index.
         polygon: usize,
-        /// Finite coordinate pairs found.
+        /// What is given per corner.
+        what: &'static str,
+        /// Finite values found.
         found: usize,
         /// Corners.
         corners: usize,
     },
+    /// The weights of a skin do not match the vertices, or a joint's frame is not finite.
+    #[error("skin: found {found}, expected {expected}")]
+    Skin {
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+}
+
+/// Checks that what a polygon has per corner is finite and complete.
+fn check_corners<const N: usize>(
+    polygon: usize,
+    what: &'static str,
+    values: Option<&Vec<[f32; N]>>,
+    corners: usize,
+) -> Result<(), MeshError> {
+    let Some(values) = values else { return Ok(()) };
+    let found = values.iter().filter(|c| c.iter().all(|x| x.is_finite())).count();
+    if found == corners && values.len() == corners {
+        Ok(())
+    } else {
+        Err(MeshError::Corners { polygon, what, found, corners })
+    }
+}
+
+fn check_skin(skin: &Skin, vertices: usize) -> Result<(), MeshError> {
+    let joints = skin.joints.len();
+    let wrong = |found: String, expected: String| Err(MeshError::Skin { found, expected });
+    if skin.weights.len() != vertices {
+        return wrong(
+            format!("weights of {} vertices", skin.weights.len()),
+            format!("those of {vertices} vertices"),
+        );
+    }
+    for (k, joint) in skin.joints.iter().enumerate() {
+        let numbers = joint.object_from_joint.iter().chain(&joint.joint_from_object);
+        if !numbers.into_iter().all(|v| v.is_finite()) {
+            return wrong(format!("a frame of joint {k} that is not finite"), "finite numbers".into());
+        }
+        if joint.parent.is_some_and(|p| p as usize >= joints) {
+            return wrong(
+                format!("parent {:?} of joint {k}", joint.parent),
+                format!("a joint below {joints}"),
+            );
+        }
+    }
+    match skin.weights.iter().flatten().find(|(j, w)| *j as usize >= joints || !w.is_finite()) {
+        Some((j, w)) => {
+            wrong(format!("weight {w} of joint {j}"), format!("a number and a joint below {joints}"))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Checks every index and number of the data.
@@ -84,12 +137,9 @@ pub(super) fn check(data: &MeshData) -> Result<(), MeshError> {
         if let Some(m) = polygon.material {
             below("polygon", i, "material", m, data.materials.len())?;
         }
-        if let Some(t) = &polygon.texcoords {
-            let found = t.iter().filter(|c| c.iter().all(|x| x.is_finite())).count();
-            if found != corners || t.len() != corners {
-                return Err(MeshError::Texcoords { polygon: i, found, corners });
-            }
-        }
+        check_corners(i, "texture coordinates", polygon.texcoords.as_ref(), corners)?;
+        check_corners(i, "colours", polygon.colours.as_ref(), corners)?;
+        check_corners(i, "normals", polygon.normals.as_ref(), corners)?;
     }
     for (i, segment) in data.segments.iter().enumerate() {
         for end in segment.ends {
@@ -100,5 +150,5 @@ pub(super) fn check(data: &MeshData) -> Result<(), MeshError> {
             below("line", i, "material", m, data.materials.len())?;
         }
     }
-    Ok(())
+    data.skin.as_ref().map_or(Ok(()), |skin| check_skin(skin, data.vertices.len()))
 }

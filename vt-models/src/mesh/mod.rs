@@ -6,10 +6,12 @@
 
 mod error;
 mod shape;
+mod skin;
 mod triangulation;
 
 pub use error::MeshError;
 pub use shape::{Part, Shape};
+pub use skin::{Joint, Skin};
 pub use triangulation::triangulate;
 pub(crate) use triangulation::unit_normal;
 
@@ -49,8 +51,36 @@ pub struct Material {
     pub name: String,
     /// Diffuse colour, linear RGB in 0..=1 as authored.
     pub diffuse: [f32; 3],
-    /// Texture file name as written in the model file.
+    /// Texture file name as written in the model file, or the name of one of the mesh's own [`Image`]s.
     pub texture: Option<String>,
+}
+
+/// A picture that came inside the model file; materials refer to it by its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Name, different from those of the mesh's other images.
+    pub name: String,
+    /// The picture.
+    pub content: ImageContent,
+}
+
+/// A picture in a model file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ImageContent {
+    /// A whole picture file.
+    Encoded {
+        /// Its kind, such as `image/png`; empty where the model file does not say.
+        mime: String,
+        /// Its bytes.
+        bytes: Vec<u8>,
+    },
+    /// Pixels.
+    Pixels {
+        /// Columns.
+        width: u32,
+        /// Red, green, blue and opacity, row by row from the top.
+        rgba: Vec<[u8; 4]>,
+    },
 }
 
 /// One authored polygon (planar or nearly so, convex or not).
@@ -60,6 +90,10 @@ pub struct Polygon {
     pub corners: Vec<u32>,
     /// Texture coordinates per corner (u right, v up), same length as `corners`.
     pub texcoords: Option<Vec<[f32; 2]>>,
+    /// Red, green and blue in 0..=1 per corner, same length as `corners`; they replace the material's diffuse colour.
+    pub colours: Option<Vec<[f32; 3]>>,
+    /// Unit normals for shading per corner, same length as `corners`; geometry takes [`Mesh::normal`].
+    pub normals: Option<Vec<[f32; 3]>>,
     /// Index into the materials.
     pub material: Option<u32>,
     /// Index into the part names.
@@ -103,6 +137,10 @@ pub struct MeshData {
     pub materials: Vec<Material>,
     /// Part names; empty means one unnamed part.
     pub parts: Vec<String>,
+    /// Pictures that materials refer to.
+    pub images: Vec<Image>,
+    /// Skeleton and weights, where the file has them.
+    pub skin: Option<Skin>,
 }
 
 /// Axis-aligned box, metres.
@@ -144,7 +182,7 @@ impl Mesh {
     ///
     /// # Errors
     /// [`MeshError`] for an empty mesh, a non-finite vertex, an index out of range, a polygon of fewer than three
-    /// corners, or texture coordinates that do not match the corners.
+    /// corners, or texture coordinates, colours, normals or skin weights that do not match the corners or vertices.
     pub fn new(mut data: MeshData) -> Result<Self, MeshError> {
         if data.parts.is_empty() {
             data.parts.push(String::new());
@@ -201,6 +239,24 @@ impl Mesh {
     #[must_use]
     pub fn materials(&self) -> &[Material] {
         &self.data.materials
+    }
+
+    /// The picture inside the model that a material's texture names; `None` where it names a file.
+    #[must_use]
+    pub fn image(&self, texture: &str) -> Option<&Image> {
+        self.data.images.iter().find(|i| i.name == texture)
+    }
+
+    /// Pictures inside the model.
+    #[must_use]
+    pub fn images(&self) -> &[Image] {
+        &self.data.images
+    }
+
+    /// Skeleton and weights, where the model has them.
+    #[must_use]
+    pub fn skin(&self) -> Option<&Skin> {
+        self.data.skin.as_ref()
     }
 
     /// Names of the rigid parts.

@@ -1,4 +1,5 @@
 use super::{Mesh, MeshData, MeshError};
+use nalgebra::Vector3;
 use vt_core::lie::SE3;
 
 /// One rigid part of a shape.
@@ -27,7 +28,8 @@ impl Shape {
         self
     }
 
-    /// One mesh in the object frame; polygons and lines carry the part's position as part id.
+    /// One mesh in the object frame; polygons and lines carry the part's position as part id. Images of a part take
+    /// its number into their names; shading normals are turned along; skins stay behind, since the whole is rigid.
     ///
     /// # Errors
     /// [`MeshError::Empty`] without parts; [`MeshError::NotFinite`] where a transform is not finite.
@@ -38,11 +40,23 @@ impl Shape {
             let id = id as u32;
             all.parts.push(part.name.clone());
             all.vertices.extend(part.mesh.vertices().iter().map(|p| part.object_from_part.act(p)));
-            all.materials.extend_from_slice(part.mesh.materials());
+            let named = |image: &str| format!("{id}/{image}");
+            all.materials.extend(part.mesh.materials().iter().cloned().map(|mut m| {
+                m.texture = m.texture.map(|t| if part.mesh.image(&t).is_some() { named(&t) } else { t });
+                m
+            }));
+            all.images.extend(part.mesh.images().iter().cloned().map(|mut i| {
+                i.name = named(&i.name);
+                i
+            }));
             all.polygons.extend(part.mesh.polygons().iter().cloned().map(|mut p| {
                 p.corners.iter_mut().for_each(|c| *c += vertex);
                 p.material = p.material.map(|m| m + material);
                 p.part = id;
+                for normal in p.normals.iter_mut().flatten() {
+                    let n = Vector3::from(normal.map(f64::from));
+                    *normal = (part.object_from_part.rotation * n).cast::<f32>().into();
+                }
                 p
             }));
             all.segments.extend(part.mesh.segments().iter().map(|s| super::Segment {

@@ -1,8 +1,9 @@
 use super::quarter_turn;
-use crate::camera::Camera;
+use crate::camera::{Camera, Fisheye, Optics};
 use crate::edges::Edge;
-use nalgebra::{Matrix3, Point2, Point3, Vector2};
+use nalgebra::{Matrix3, Point2, Point3, Vector2, Vector3};
 use vt_core::lie::SE3;
+use vt_core::math;
 
 /// Rectangle of ideal pixels that the lens maps into the image.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,6 +22,10 @@ pub(super) struct Frame {
 /// Border samples per side of the image.
 const SAMPLES: u32 = 8;
 
+/// Tangent of the largest angle to the optical axis at which edges are seen (75°). Visibility is tested in the ideal
+/// image of a pinhole, which a fisheye would make infinitely large.
+const WIDEST: f64 = 3.732;
+
 impl Frame {
     pub fn update(&mut self, camera: &Camera) {
         if self.camera.as_ref() == Some(camera) {
@@ -35,7 +40,10 @@ impl Frame {
             let s = f64::from(i) / f64::from(SAMPLES);
             let (u, v) = (-0.5 + s * (right + 0.5), -0.5 + s * (bottom + 0.5));
             for border in [[u, -0.5], [u, bottom], [-0.5, v], [right, v]] {
-                let ray = camera.unproject(&Point2::from(border)).ok();
+                let ray = match camera.optics() {
+                    Optics::Perspective(_) => camera.unproject(&Point2::from(border)).ok(),
+                    Optics::Fisheye(lens) => Some(widest_ray(camera, lens, &Point2::from(border))),
+                };
                 if let Some(q) = ray.and_then(|r| ideal.project(&Point3::from(r))) {
                     for k in 0..2 {
                         self.bounds.low[k] = self.bounds.low[k].min(q[k]);
@@ -59,7 +67,20 @@ impl Frame {
     }
 }
 
+/// The ray seen at a pixel, drawn in to where edges are still seen; where nothing is seen, to the limit of the lens.
+fn widest_ray(camera: &Camera, lens: &Fisheye, pixel: &Point2<f64>) -> Vector3<f64> {
+    let ((fx, fy), (cx, cy)) = (camera.focal(), camera.principal_point());
+    let aside = Vector2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy)
+        .try_normalize(0.0)
+        .unwrap_or_else(Vector2::zeros);
+    let beyond = |angle: f64| if angle < 1.57 { math::tan(angle).min(WIDEST) } else { WIDEST };
+    let radius =
+        camera.unproject(pixel).map_or_else(|_| beyond(lens.limit()), |r| math::hypot(r.x, r.y).min(WIDEST));
+    Vector3::new(aside.x * radius, aside.y * radius, 1.0)
+}
+
 /// The visible part of a projected edge, in ideal pixels.
+#[derive(Clone, Debug)]
 pub(super) struct Line {
     pub start: Point2<f64>,
     pub direction: Vector2<f64>,
@@ -99,6 +120,11 @@ pub(super) struct Span {
 impl Span {
     pub fn new(line: &Line, first: u32, end: u32) -> Self {
         Self { start: line.start, direction: line.direction, length: line.length, first, end }
+    }
+
+    /// The span of one site on a chain.
+    pub fn about(middle: &Point2<f64>, direction: Vector2<f64>, length: f64, site: u32) -> Self {
+        Self { start: middle - direction * (0.5 * length), direction, length, first: site, end: site + 1 }
     }
 }
 
@@ -189,11 +215,16 @@ impl View {
         Some(Line { start, length, inverse_depth: [w0, w1], ends: [p0, p1], ..uncut })
     }
 
-    /// Whether a surface of the edge lies on its positive and on its negative side in the image.
-    pub fn covered_sides(&self, edge: &Edge, line: &Line) -> [bool; 2] {
-        let (_, w, p_in_object) = line.at(0.5);
+    /// Whether a surface of the edge lies on the positive and on the negative side of a line through one of its points
+    /// in the image, given by its normal; `w` is the point's inverse depth.
+    pub fn covered_sides(
+        &self,
+        edge: &Edge,
+        w: f64,
+        p_in_object: &Point3<f64>,
+        normal: &Vector2<f64>,
+    ) -> [bool; 2] {
         let p = self.rotation * p_in_object.coords + self.camera_from_object.translation;
-        let normal = line.normal();
         let mut covered = [false; 2];
         for sheet in &edge.sheets {
             let d = self.rotation * sheet.inward;

@@ -143,6 +143,108 @@ fn smooth_surface_shows_its_two_limbs() {
     }
 }
 
+/// Disc of `n` sides, radius 0.1, about the origin in the plane z = 0.
+fn disc(n: u32) -> (Mesh, EdgeModel) {
+    let rim = |i: u32| {
+        let c = nalgebra::UnitComplex::new(std::f64::consts::TAU * f64::from(i) / f64::from(n));
+        [0.1 * c.re, 0.1 * c.im, 0.0]
+    };
+    model(&(0..n).map(rim).collect::<Vec<_>>(), &[(0..n).collect()], &[])
+}
+
+#[test]
+fn a_fine_rim_carries_sites_at_the_usual_spacing() {
+    // Circumference 314 px: sides of 2.5 px with 128 of them, of 0.31 px with 1024.
+    let t = pose([0.; 3], [0., 0., 1.]);
+    for n in [128, 1024] {
+        let sites = see(&disc(n), &camera(), &t, &VisibilityOptions::default());
+        assert_eq!(sites.len(), 39, "314 px / 8 px");
+        let total: f32 = sites.iter().map(|s| s.weight).sum();
+        assert!((total - 314.0).abs() < 1.0, "{total}");
+        for (a, b) in sites.iter().zip(sites.iter().cycle().skip(1)) {
+            assert!(((a.pixel - b.pixel).norm() - 8.0).abs() < 0.3, "{} {}", a.pixel, b.pixel);
+        }
+        for s in &sites {
+            assert!((s.p_in_object.coords.norm() - 0.1).abs() < 1e-4);
+            assert!(s.tangent.dot(&s.p_in_object.coords).abs() < 2e-4, "along the circle: {}", s.tangent);
+            assert!(s.kind == SiteKind::Boundary && s.contour.is_some() && !s.ambiguous);
+            let ahead = camera().project(&t.act(&(s.p_in_object + s.tangent * 0.01))).unwrap();
+            let center = Point2::new(319.5, 239.5);
+            let positive = quarter_turn(&(ahead - s.pixel)).dot(&(center - s.pixel)) > 0.0;
+            assert_eq!(s.contour, Some(if positive { Side::Positive } else { Side::Negative }));
+        }
+    }
+}
+
+#[test]
+fn chains_end_at_corners_and_specks_stay_without_sites() {
+    // A square outline of 40 px sides, each cut into 20 lines that bend by 0.2° so that they are not joined.
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    let corners = [[-0.04, -0.04], [0.04, -0.04], [0.04, 0.04], [-0.04, 0.04]];
+    for k in 0..4 {
+        let (a, b) = (corners[k], corners[(k + 1) % 4]);
+        for i in 0..20 {
+            let t = f64::from(i) / 20.0;
+            let bow = 1e-3 * t * (1.0 - t);
+            let out = [b[1] - a[1], a[0] - b[0]];
+            points.push(
+                [0, 1]
+                    .map(|c| a[c] + (b[c] - a[c]) * t + out[c] * 12.5 * bow)
+                    .into_iter()
+                    .chain([0.0])
+                    .collect::<Vec<_>>()
+                    .try_into()
+                    .unwrap(),
+            );
+        }
+    }
+    let lines: Vec<[u32; 2]> = (0..80).map(|i| [i, (i + 1) % 80]).collect();
+    let outline = model(&points, &[], &lines);
+    assert_eq!(outline.1.edges().len(), 80);
+    let sites = see(&outline, &camera(), &pose([0.; 3], [0., 0., 1.]), &VisibilityOptions::default());
+    assert_eq!(by_edge(&sites).len(), 4, "one chain a side");
+    assert!(by_edge(&sites).values().all(|s| s.len() == 5));
+    let speck = model(&[[0., 0., 0.], [0.002, 0., 0.], [0.004, 0.001, 0.]], &[], &[[0, 1], [1, 2]]);
+    assert!(see(&speck, &camera(), &pose([0.; 3], [0., 0., 1.]), &VisibilityOptions::default()).is_empty());
+}
+
+#[test]
+fn a_fine_sphere_shows_its_limb() {
+    let (n, m) = (256_u32, 128_u32);
+    let unit = |a: f64| nalgebra::UnitComplex::new(a);
+    let mut points = vec![[0.0, -0.1, 0.0]];
+    for k in 1..m {
+        let c = unit(std::f64::consts::PI * f64::from(k) / f64::from(m));
+        points.extend((0..n).map(|i| {
+            let d = unit(std::f64::consts::TAU * f64::from(i) / f64::from(n));
+            [0.1 * c.im * d.im, -0.1 * c.re, 0.1 * c.im * d.re]
+        }));
+    }
+    points.push([0.0, 0.1, 0.0]);
+    let at = |k: u32, i: u32| 1 + (k - 1) * n + i % n;
+    let mut faces = Vec::new();
+    for i in 0..n {
+        faces.push(vec![0, at(1, i + 1), at(1, i)]);
+        faces.extend((1..m - 1).map(|k| vec![at(k, i), at(k, i + 1), at(k + 1, i + 1), at(k + 1, i)]));
+        faces.push(vec![at(m - 1, i), at(m - 1, i + 1), points.len() as u32 - 1]);
+    }
+    let ball = model(&points, &faces, &[]);
+    let t = pose([0.4, 0.3, 0.2], [0., 0., 0.8]);
+    let sites = see(&ball, &camera(), &t, &VisibilityOptions::default());
+    // The limb is a circle of radius 500 · 0.1 / √(0.8² - 0.1²) = 63 px.
+    let radius = 50.0 / (0.64_f64 - 0.01).sqrt();
+    let expected = std::f64::consts::TAU * radius / 8.0;
+    assert!((sites.len() as f64 - expected).abs() < 0.15 * expected, "{} of {expected}", sites.len());
+    let center = Point2::new(319.5, 239.5);
+    for s in &sites {
+        assert!(s.kind == SiteKind::Silhouette && s.contour.is_some(), "{s:?}");
+        let out = s.pixel - center;
+        assert!((out.norm() - radius).abs() < 0.3, "{}", out.norm());
+        let ahead = camera().project(&t.act(&(s.p_in_object + s.tangent * 1e-3))).unwrap() - s.pixel;
+        assert!(ahead.normalize().dot(&out.normalize()).abs() < 0.15, "along the limb");
+    }
+}
+
 #[test]
 fn free_lines_and_close_parallels() {
     // Two lines 1 mm apart at 1 m (0.5 px) and one 20 mm away.
@@ -199,6 +301,39 @@ fn lens_moves_pixels_and_hides_nothing() {
     let seen = see(&cube(), &bent, &near, &VisibilityOptions { border: 0.0, ..Default::default() });
     let ideal = plain.size().0;
     assert!(seen.iter().any(|s| plain.project(&near.act(&s.p_in_object)).unwrap().x > f64::from(ideal)));
+}
+
+#[test]
+fn a_fisheye_sees_the_edges_of_a_pinhole_and_more() {
+    let lens = crate::camera::Fisheye::new(0.01, -0.002, 0.0, 0.0).unwrap();
+    let bent = Camera::new(220.0, 220.0, 319.5, 239.5, 640, 480).unwrap().with_fisheye(lens);
+    // Ahead, then 52° off the axis to the right, turned along.
+    for angle in [0.0, 0.9] {
+        let pan = UnitQuaternion::from_scaled_axis(Vector3::y() * angle);
+        let near = pose([0.4, 0.7, 0.1], [0., 0., 0.6]);
+        let t = SE3 { rotation: pan * near.rotation, translation: pan * near.translation };
+        let sites = see(&cube(), &bent, &t, &VisibilityOptions::default());
+        assert_eq!(by_edge(&sites).len(), 9, "at {angle}");
+        let mut length = 0.0;
+        for s in &sites {
+            assert!((bent.project(&t.act(&s.p_in_object)).unwrap() - s.pixel).norm() < 1e-9);
+            length += f64::from(s.weight);
+        }
+        // Weights are lengths in the picture: they add up to the visible edges, sampled finely.
+        let mut expected = 0.0;
+        for id in by_edge(&sites).keys() {
+            let [a, b] = cube().1.edges()[*id as usize].ends;
+            let at = |k: u32| bent.project(&t.act(&(a + (b - a) * (f64::from(k) / 50.0)))).unwrap();
+            expected += (0..50).map(|k| (at(k + 1) - at(k)).norm()).sum::<f64>();
+        }
+        assert!((length / expected - 1.0).abs() < 0.05, "{length} of {expected} at {angle}");
+    }
+    // Behind the camera and at 80° nothing is seen, and nothing fails.
+    for angle in [1.4, 1.6, 3.0] {
+        let pan = UnitQuaternion::from_scaled_axis(Vector3::y() * angle);
+        let t = SE3 { rotation: pan, translation: pan * Vector3::new(0., 0., 2.0) };
+        assert!(see(&cube(), &bent, &t, &VisibilityOptions::default()).is_empty());
+    }
 }
 
 #[test]

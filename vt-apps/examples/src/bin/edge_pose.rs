@@ -29,7 +29,7 @@ struct Cli {
     /// Pictures: a folder, or a pattern such as Image_%04d.png.
     #[arg(long, value_name = "FOLDER|PATTERN", requires_all = ["model", "camera", "init"])]
     images: Option<String>,
-    /// Shape: a VRML 97, OBJ or CAO file.
+    /// Shape: a VRML 97, OBJ, PLY, STL, glTF or CAO file.
     #[arg(long, value_name = "FILE", requires = "images")]
     model: Option<String>,
     /// Length unit of the model file.

@@ -40,7 +40,11 @@ impl Registry {
                 "a drawn scene with known poses",
                 simulation::simulated,
             ))
-            .with(Method::<Shapes>::new("mesh", "parts from VRML 97, OBJ or CAO files", shape::mesh))
+            .with(Method::<Shapes>::new(
+                "mesh",
+                "parts from VRML 97, OBJ, PLY, STL, glTF or CAO files",
+                shape::mesh,
+            ))
             .with(Method::<Shapes>::new(
                 "bracket",
                 "three cubic cells in an L, made in code",

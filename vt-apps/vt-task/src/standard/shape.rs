@@ -70,7 +70,7 @@ fn load(path: &Path, unit: FileUnit) -> Result<Mesh, ConfigError> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartFile {
-    /// VRML 97, OBJ or CAO file.
+    /// VRML 97, OBJ, PLY, STL, glTF or CAO file.
     pub file: FilePath,
     /// Length unit of the file.
     pub unit: FileUnit,
