@@ -15,7 +15,19 @@ fn allowed() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
         ("vt-task", &["vt-core", "vt-models", "vt-vision", "vt-estimators", "vt-fusion", "vt-io", "vt-sim"]),
         ("vt", &["vt-core", "vt-models", "vt-fusion", "vt-io", "vt-task"]),
         ("vt-examples", &["vt", "vt-task"]),
-        ("vt-tests", &["vt-core", "vt-models", "vt-fusion", "vt-io", "vt-task"]),
+        (
+            "vt-tests",
+            &[
+                "vt-core",
+                "vt-models",
+                "vt-vision",
+                "vt-estimators",
+                "vt-fusion",
+                "vt-io",
+                "vt-sim",
+                "vt-task",
+            ],
+        ),
     ];
     table.into_iter().map(|(name, on)| (name, on.iter().copied().collect())).collect()
 }

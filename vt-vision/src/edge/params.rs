@@ -57,7 +57,7 @@ impl Default for EdgeParams {
             max_candidates: 6,
             range: [6.0, 30.0],
             sigma: 0.4,
-            localization: 0.1,
+            localization: 0.4,
             miss_probability: 0.1,
             clutter_density: 0.03,
             correlation_length: 16.0,
