@@ -219,13 +219,13 @@ impl SimulatedCamera {
             let Self { renderer, converter, rgb, .. } = self;
             let view = Exposed { renderer, converter, world: &world, t };
             Payload::Rgb(rgb.picture(renderer.camera(), |bytes| {
-                view.develop(bytes, self.settings.seed, self.id, number, 3, |c, k| c[k]);
+                view.develop::<3>(bytes, self.settings.seed, self.id, number, |c, k| c[k]);
             }))
         } else {
             let Self { renderer, converter, grey, .. } = self;
             let view = Exposed { renderer, converter, world: &world, t };
             Payload::Grey(grey.picture(renderer.camera(), |bytes| {
-                view.develop(bytes, self.settings.seed, self.id, number, 1, |c, _| luma(c));
+                view.develop::<1>(bytes, self.settings.seed, self.id, number, |c, _| luma(c));
             }))
         };
         (payload, visible)
@@ -241,26 +241,25 @@ struct Exposed<'a> {
 }
 
 impl Exposed<'_> {
-    fn develop(
+    fn develop<const CHANNELS: usize>(
         &self,
         bytes: &mut [u8],
         seed: u64,
         id: SensorId,
         number: u64,
-        channels: usize,
         channel: impl Fn(&Colour, usize) -> f32 + Sync,
     ) {
         let (width, height) = self.renderer.camera().size();
         let source = Source::new(seed, Stream::Sim, 2 + u64::from(id.0));
         let gain = self.world.lighting.gain(self.t);
         let band = self.world.lighting.shadow.map(|s| s.at(self.t, width, height));
-        let rows = bytes.par_chunks_mut(width as usize * channels);
-        rows.zip(self.renderer.mean()).enumerate().for_each(|(y, (out, row))| {
-            let light = row.enumerate().flat_map(|(x, colour)| {
+        let rows = bytes.par_chunks_mut(width as usize * CHANNELS);
+        rows.zip(self.renderer.rows()).enumerate().for_each(|(y, (out, row))| {
+            let light = |k: usize| {
+                let x = k / CHANNELS;
                 let gain = band.as_ref().map_or(gain, |b| gain * b.light(x, y));
-                let channel = &channel;
-                (0..channels).map(move |k| gain * channel(&colour, k))
-            });
+                gain * channel(&row.at(x), k % CHANNELS)
+            };
             self.converter.convert(light, out, &mut source.at(number, y as u32));
         });
     }

@@ -33,6 +33,24 @@ pub struct Renderer {
     views: u32,
 }
 
+/// A row of a picture.
+pub struct Row<'a> {
+    behind: &'a [Colour],
+    sum: &'a [Colour],
+    share: f32,
+}
+
+impl Row<'_> {
+    /// Red, green and blue, 0 to 1, averaged over the area of the pixel in this column; black outside.
+    #[inline]
+    pub fn at(&self, x: usize) -> Colour {
+        match (self.behind.get(x), self.sum.get(x)) {
+            (Some(b), Some(s)) => [0, 1, 2].map(|k| b[k] + s[k] * self.share),
+            _ => [0.0; 3],
+        }
+    }
+}
+
 /// One body of a view.
 #[derive(Default)]
 struct Layer {
@@ -146,14 +164,12 @@ impl Renderer {
         }
     }
 
-    /// Mean brightness of the views added, by rows, and the rows' length. Red, green and blue, 0 to 1, averaged over
-    /// each pixel's area.
-    pub fn mean(&self) -> impl IndexedParallelIterator<Item = impl Iterator<Item = Colour>> {
+    /// Mean brightness of the views added, row by row.
+    pub fn rows(&self) -> impl IndexedParallelIterator<Item = Row<'_>> {
         let width = self.camera.size().0 as usize;
         let share = 1.0 / self.views.max(1) as f32;
-        self.backdrop.par_chunks(width).zip(self.sum.par_chunks(width)).map(move |(behind, sum)| {
-            behind.iter().zip(sum).map(move |(b, s)| [0, 1, 2].map(|k| b[k] + s[k] * share))
-        })
+        let rows = self.backdrop.par_chunks(width).zip(self.sum.par_chunks(width));
+        rows.map(move |(behind, sum)| Row { behind, sum, share })
     }
 
     /// Share of each body's silhouette that is seen, 0 to 1, mean over the views added: what other bodies hide and
@@ -292,25 +308,11 @@ impl Hits {
     #[inline]
     fn test(&mut self, l: usize, layer: &Layer, lens: &LensMap, x: usize, y: usize, count: &mut [u32; 2]) {
         let viewport = layer.raster.viewport();
-        let (ids, depths) = (layer.raster.ids(), layer.raster.inverse_depth());
-        let mut sample = |s: usize, at: usize| {
-            let (Some(&id), Some(&depth)) = (ids.get(at), depths.get(at)) else { return };
-            if id == NONE {
-                return;
-            }
-            count[0] += 1;
-            if depth > self.inverse_depth[s] {
-                self.any = true;
-                self.layer[s] = l as u16;
-                self.triangle[s] = id;
-                self.inverse_depth[s] = depth;
-            }
-        };
         if !lens.is_ideal() {
             for s in 0..SAMPLES {
                 let [dx, dy] = place(s);
                 if let Some(at) = position(viewport, lens.ideal(x, y, dx, dy)) {
-                    sample(s, at);
+                    count[0] += self.sample(s, l, layer, at);
                 }
             }
             return;
@@ -318,6 +320,10 @@ impl Hits {
         // Without a lens samples are the pixels of the raster.
         let first = |pixel: usize, from: i32| (SIDE * pixel) as i64 - i64::from(from);
         let (left, top) = (first(x, viewport.x), first(y, viewport.y));
+        if !self.any && self.whole(l, layer, left, top) {
+            count[0] += SAMPLES as u32;
+            return;
+        }
         for j in 0..SIDE {
             let row = top + j as i64;
             if row < 0 || row >= viewport.height as i64 {
@@ -326,10 +332,56 @@ impl Hits {
             for i in 0..SIDE {
                 let column = left + i as i64;
                 if column >= 0 && column < viewport.width as i64 {
-                    sample(j * SIDE + i, row as usize * viewport.width + column as usize);
+                    let at = row as usize * viewport.width + column as usize;
+                    count[0] += self.sample(j * SIDE + i, l, layer, at);
                 }
             }
         }
+    }
+
+    /// Takes one sample of a body where it is nearer; 1 where the body covers it.
+    #[inline]
+    fn sample(&mut self, s: usize, l: usize, layer: &Layer, at: usize) -> u32 {
+        let (Some(&id), Some(&depth)) = (layer.raster.ids().get(at), layer.raster.inverse_depth().get(at))
+        else {
+            return 0;
+        };
+        if id == NONE {
+            return 0;
+        }
+        if depth > self.inverse_depth[s] {
+            self.any = true;
+            self.layer[s] = l as u16;
+            self.triangle[s] = id;
+            self.inverse_depth[s] = depth;
+        }
+        1
+    }
+
+    /// Takes one triangle for all samples, where it covers them; false where it does not.
+    #[inline]
+    fn whole(&mut self, l: usize, layer: &Layer, left: i64, top: i64) -> bool {
+        let viewport = layer.raster.viewport();
+        let fits = |v: i64, n: usize| v >= 0 && v + SIDE as i64 <= n as i64;
+        if !fits(left, viewport.width) || !fits(top, viewport.height) {
+            return false;
+        }
+        let at = |j: usize| (top as usize + j) * viewport.width + left as usize;
+        let ids = layer.raster.ids();
+        let Some(&id) = ids.get(at(0)).filter(|id| **id != NONE) else { return false };
+        if !(0..SIDE).all(|j| ids.get(at(j)..at(j) + SIDE).is_some_and(|row| *row == [id; SIDE])) {
+            return false;
+        }
+        let depths = layer.raster.inverse_depth();
+        for j in 0..SIDE {
+            if let Some(row) = depths.get(at(j)..at(j) + SIDE) {
+                self.inverse_depth[j * SIDE..][..SIDE].copy_from_slice(row);
+            }
+        }
+        self.any = true;
+        self.layer = [l as u16; SAMPLES];
+        self.triangle = [id; SAMPLES];
+        true
     }
 
     /// Difference to the background, mean over the pixel. Adds to the number of samples where bodies are seen.
@@ -430,7 +482,9 @@ mod tests {
         let mut renderer = Renderer::new(camera, vec![]);
         renderer.start();
         renderer.add(bodies, &FULL);
-        let rows: Vec<Vec<f64>> = renderer.mean().map(|r| r.map(|c| f64::from(c[0])).collect()).collect();
+        let width = camera.size().0 as usize;
+        let rows: Vec<Vec<f64>> =
+            renderer.rows().map(|r| (0..width).map(|x| f64::from(r.at(x)[0])).collect()).collect();
         (rows.concat(), renderer.visible().collect())
     }
 
@@ -560,7 +614,7 @@ mod tests {
         let mut renderer = Renderer::new(camera, vec![]);
         renderer.start();
         renderer.add(&[(&body, at(0.0, 0.0, 0.3))], &light);
-        let rows: Vec<Vec<f32>> = renderer.mean().map(|r| r.map(|c| c[0]).collect()).collect();
+        let rows: Vec<Vec<f32>> = renderer.rows().map(|r| (0..160).map(|x| r.at(x)[0]).collect()).collect();
         // Light from behind the camera is mirrored back along the optical axis.
         assert!(rows[59][79] > 0.95 && rows[59][10] < 0.1, "{} {}", rows[59][79], rows[59][10]);
     }
