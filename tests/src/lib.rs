@@ -1,6 +1,8 @@
 //! What the tests across crates share.
 
+pub mod basin;
 pub mod data;
+pub mod monte_carlo;
 pub mod replay;
 
 /// The example of the project's README runs as a test.

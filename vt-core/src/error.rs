@@ -41,7 +41,7 @@ pub enum MeasureError {
     #[error("evidence `{key}` of sensor {sensor} is missing: no processing of that key ran on this frame")]
     MissingEvidence {
         /// Name of the evidence.
-        key: String,
+        key: std::sync::Arc<str>,
         /// Number of the sensor.
         sensor: u32,
     },
@@ -49,7 +49,7 @@ pub enum MeasureError {
     #[error("evidence `{key}` is not a {expected}")]
     EvidenceType {
         /// Name of the evidence.
-        key: String,
+        key: std::sync::Arc<str>,
         /// Type asked for.
         expected: &'static str,
     },
@@ -93,6 +93,16 @@ pub enum EstimateError {
         found: usize,
         /// The dimension that fits.
         expected: usize,
+    },
+    /// A belief of another pose space.
+    #[error("a belief of the space `{found}` with {numbers} coordinates; expected one of `{expected}`")]
+    Space {
+        /// Space of the belief.
+        found: &'static str,
+        /// Number of its coordinates.
+        numbers: usize,
+        /// Space that fits.
+        expected: &'static str,
     },
     /// A particle filter without particles.
     #[error("no particles")]

@@ -189,6 +189,12 @@ where
     /// Evidence that must be prepared before `measure`.
     fn needs(&self) -> &[EvidenceKey];
 
+    /// The part of `needs` that is read under this prior.
+    fn needs_near(&self, prior: &Gaussian<P>) -> &[EvidenceKey] {
+        let _ = prior;
+        self.needs()
+    }
+
     /// Part of the sensor's picture that matters under this prior ("restrict search"); `None` for all of it.
     fn region(&self, prior: &Gaussian<P>) -> Option<Roi> {
         let _ = prior;
@@ -208,6 +214,10 @@ where
 
     /// The measurement of the last call of `measure`, if it gave one.
     fn last(&self) -> Option<&dyn Measurement<P>>;
+
+    /// Forgets what was learnt from earlier pictures (appearance, on-line features): the target is placed anew, and
+    /// what was learnt since it was last placed may come from somewhere else. Nothing to do for who learns nothing.
+    fn forget(&mut self) {}
 
     /// Draws what was looked for and found, with the model at `pose`.
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {

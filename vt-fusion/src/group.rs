@@ -9,7 +9,7 @@ use vt_core::frame::{Roi, SensorId};
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Square};
 use vt_core::measurement::{Detector, Quality};
 use vt_core::pose_measurement::PoseMeasurement;
-use vt_core::report::StepReport;
+use vt_core::report::{BeliefRecord, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
 
@@ -121,6 +121,14 @@ where
             let z = chosen.and_then(|d| measurement(&self.detections[d]));
             target.correct_with(z.as_ref().map(|z| z as _), report);
         }
+    }
+
+    fn place(&mut self, index: usize, prior: &BeliefRecord) -> Result<(), EstimateError> {
+        self.targets[index].place(0, prior)
+    }
+
+    fn learn(&mut self, index: usize, evidence: &Evidence) {
+        self.targets[index].learn(0, evidence);
     }
 
     fn sketch(&self, index: usize, out: &mut Vec<Mark>) {

@@ -11,7 +11,7 @@ use vt_core::frame::{Roi, SensorId};
 use vt_core::least_squares::Spectrum;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Tangent};
 use vt_core::measurement::{Measurement, Modality, NormalEquations};
-use vt_core::report::{Assessment, Status, StepReport};
+use vt_core::report::{Assessment, BeliefRecord, Status, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
 
@@ -39,6 +39,15 @@ pub trait AnyTarget: Send {
 
     /// Measures, corrects, assesses and, where lost, re-initialises; fills one report a target.
     fn update(&mut self, evidence: &Evidence, reports: &mut [StepReport]);
+
+    /// Places the target with this index: at this belief, at rest, trusted, with nothing learnt.
+    ///
+    /// # Errors
+    /// When the belief is one of another pose space or of no use; the target is then unchanged.
+    fn place(&mut self, index: usize, prior: &BeliefRecord) -> Result<(), EstimateError>;
+
+    /// Lets the target with this index learn from a frame where it is; the frame does not correct its belief.
+    fn learn(&mut self, index: usize, evidence: &Evidence);
 
     /// Draws the target with this index.
     fn sketch(&self, index: usize, out: &mut Vec<Mark>);
@@ -226,6 +235,10 @@ where
         report.timings.assess = nanoseconds(start);
     }
 
+    fn forget(&mut self) {
+        self.modalities.iter_mut().for_each(|m| m.forget());
+    }
+
     /// True when the target may be re-initialised in the step to come.
     fn searching(&self) -> bool {
         self.reinitializer.is_some() && self.status != Status::Tracking
@@ -247,6 +260,8 @@ where
             if self.estimator.reset(prior).is_err() {
                 continue;
             }
+            // What was learnt while the target slipped away, or at the proposal before, speaks for wrong places.
+            self.forget();
             let figures = self.measure_and_correct(evidence, report);
             let Some(quality) = figures.quality else { continue };
             if best.as_ref().is_none_or(|(score, ..)| quality.log_ratio > *score) {
@@ -255,6 +270,7 @@ where
             }
         }
         self.proposals = proposals;
+        self.forget();
         self.loss.reset();
         let accepted = best.filter(|(.., figures)| self.loss.assess(figures).loss_probability < 0.5);
         match accepted {
@@ -303,8 +319,11 @@ where
         // Other priors than this one may be tried.
         let anywhere = self.searching();
         for modality in &self.modalities {
-            let region = if anywhere { None } else { modality.region(&prior) };
-            out.extend(modality.needs().iter().map(|key| (key.clone(), region)));
+            let (needs, region) = match anywhere {
+                true => (modality.needs(), None),
+                false => (modality.needs_near(&prior), modality.region(&prior)),
+            };
+            out.extend(needs.iter().map(|key| (key.clone(), region)));
         }
         if let (true, Some(r)) = (anywhere, &self.reinitializer) {
             out.extend(r.needs().iter().map(|key| (key.clone(), None)));
@@ -323,6 +342,28 @@ where
         self.conclude(figures, report);
         if searching && self.status == Status::Lost {
             self.reinitialize(evidence, report);
+        }
+    }
+
+    fn place(&mut self, _: usize, prior: &BeliefRecord) -> Result<(), EstimateError> {
+        let belief = prior.get::<P>().ok_or(EstimateError::Space {
+            found: prior.space,
+            numbers: prior.coordinates.len(),
+            expected: P::SPACE,
+        })?;
+        self.estimator.reset(&belief)?;
+        self.forget();
+        self.loss.reset();
+        self.status = Status::Tracking;
+        self.trusted = belief;
+        Ok(())
+    }
+
+    fn learn(&mut self, _: usize, evidence: &Evidence) {
+        let belief = self.estimator.pose();
+        for modality in &mut self.modalities {
+            // Only for what it learns; one that cannot measure here learns nothing.
+            let _ = modality.measure(evidence, &belief);
         }
     }
 

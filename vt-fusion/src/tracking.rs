@@ -3,10 +3,10 @@
 
 use rayon::prelude::*;
 use vt_core::agent::Step;
-use vt_core::error::{EstimateError, MeasureError};
+use vt_core::error::EstimateError;
 use vt_core::evidence::{Evidence, EvidenceKey, Processing};
 use vt_core::frame::{Frame, Roi};
-use vt_core::report::StepReport;
+use vt_core::report::{BeliefRecord, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::{Seconds, Timestamp};
 
@@ -48,7 +48,10 @@ impl TrackingLoop {
         self.time = self.time.max(Some(now));
         if dt.0 > 0.0 {
             // All of them, whatever becomes of one; the first error in their order.
-            self.targets.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?;
+            match self.targets.as_mut_slice() {
+                [only] => only.predict(dt)?,
+                many => many.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?,
+            }
         }
         self.requests.clear();
         for target in &self.targets {
@@ -56,11 +59,8 @@ impl TrackingLoop {
         }
         merge(&mut self.requests);
         for (key, region) in &self.requests {
-            match self.evidence.prepare(key, *region) {
-                // A sensor without a frame in this step is no fault of the step.
-                Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
-                Err(e) => return Err(e.into()),
-            }
+            // What cannot be made (no frame in this step, a picture that does not fit) fails where it is read.
+            let _ = self.evidence.prepare(key, *region);
         }
         let evidence = &self.evidence;
         match self.targets.as_mut_slice() {
@@ -77,6 +77,33 @@ impl TrackingLoop {
             }
         }
         Ok(&self.reports)
+    }
+
+    /// Places the target with this index, over all groups, at this belief as of the last step's frames: at rest,
+    /// trusted, with nothing learnt but what those frames show there.
+    ///
+    /// # Errors
+    /// When the belief does not fit the target, which is then unchanged.
+    pub fn place(&mut self, mut index: usize, prior: &BeliefRecord) -> Result<(), StepError> {
+        for target in &mut self.targets {
+            if index >= target.count() {
+                index -= target.count();
+                continue;
+            }
+            target.place(index, prior)?;
+            // What was made for the prediction may lack what is needed here.
+            let frames = self.evidence.frames().to_vec();
+            self.evidence.begin(frames);
+            self.requests.clear();
+            target.requests(&mut self.requests);
+            merge(&mut self.requests);
+            for (key, region) in &self.requests {
+                let _ = self.evidence.prepare(key, *region);
+            }
+            target.learn(index, &self.evidence);
+            return Ok(());
+        }
+        Ok(())
     }
 
     /// Number of targets.
@@ -120,9 +147,6 @@ pub enum StepError {
     /// A step needs at least one frame.
     #[error("no frames in this step")]
     NoFrames,
-    /// Evidence could not be made.
-    #[error(transparent)]
-    Measure(#[from] MeasureError),
     /// A prediction failed.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

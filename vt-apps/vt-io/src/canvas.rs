@@ -25,7 +25,7 @@ impl Canvas {
     }
 
     /// Mixes `colour` into a pixel; places outside are ignored.
-    fn blend(&mut self, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
+    pub(crate) fn blend(&mut self, x: i64, y: i64, colour: [u8; 3], alpha: f64) {
         let (w, h) = self.picture.dimensions();
         if alpha <= 0.0 || x < 0 || y < 0 || x >= i64::from(w) || y >= i64::from(h) {
             return;

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ImageEncoder, RgbImage};
 use vt_core::error::DeviceError;
 
 /// A text file that is on disk, up to its last line, after every step.
@@ -35,12 +37,25 @@ impl Lines {
 }
 
 /// Writes a whole file under a temporary name and renames it, so that readers see the old or the new one.
-pub(crate) fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
+///
+/// # Errors
+/// [`DeviceError`] that names the file.
+pub fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
     folder_of(path)?;
     let temporary = path.with_extension("partial");
     let fail = |e: std::io::Error| DeviceError::new(path.display(), e);
     std::fs::write(&temporary, content).map_err(fail)?;
     std::fs::rename(&temporary, path).map_err(fail)
+}
+
+/// Writes a picture as PNG; `buffer` is used again from call to call.
+pub(crate) fn save_png(path: &Path, picture: &RgbImage, buffer: &mut Vec<u8>) -> Result<(), DeviceError> {
+    buffer.clear();
+    let encoder = PngEncoder::new_with_quality(&mut *buffer, CompressionType::Fast, FilterType::Sub);
+    encoder
+        .write_image(picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8)
+        .map_err(|e| DeviceError::new(path.display(), e))?;
+    replace(path, buffer)
 }
 
 pub(crate) fn folder_of(path: &Path) -> Result<(), DeviceError> {

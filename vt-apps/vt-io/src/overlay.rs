@@ -3,8 +3,7 @@
 use core::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ImageEncoder, RgbImage};
+use image::RgbImage;
 use nalgebra::{Matrix2x3, Matrix3, Point2, Point3, Vector3};
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
@@ -13,7 +12,7 @@ use vt_core::report::{Status, StepReport};
 use vt_core::sketch::{Mark, Role};
 
 use crate::canvas::Canvas;
-use crate::files::replace;
+use crate::files::save_png;
 use crate::sheet::Sheet;
 use crate::summary::pose;
 
@@ -53,23 +52,30 @@ impl Default for Settings {
 /// Writes `overlays/step_00012_frame_0013.png` and `contact_sheet.png`.
 pub struct Overlays {
     folder: PathBuf,
-    sensor: SensorId,
-    project: Option<Projector>,
+    drawing: Drawing,
     settings: Settings,
     sheet: Sheet,
-    marks: Vec<Mark>,
     index: u64,
     encoded: Vec<u8>,
 }
 
-impl Overlays {
-    /// Pictures of one sensor in `folder`. With `project` the uncertainty of the model's origin is drawn.
-    pub fn new(folder: &Path, sensor: SensorId, project: Option<Projector>, settings: Settings) -> Self {
-        let (folder, sheet) = (folder.to_owned(), Sheet::default());
-        Self { folder, sensor, project, settings, sheet, marks: vec![], index: 0, encoded: vec![] }
+/// Draws steps on the pictures of one sensor.
+pub struct Drawing {
+    sensor: SensorId,
+    project: Option<Projector>,
+    search: bool,
+    marks: Vec<Mark>,
+}
+
+impl Drawing {
+    /// On the pictures of this sensor. With `project` the uncertainty of the model's origin is drawn, with `search`
+    /// also search lines and missing observations.
+    pub fn new(sensor: SensorId, project: Option<Projector>, search: bool) -> Self {
+        Self { sensor, project, search, marks: vec![] }
     }
 
-    fn draw(&mut self, step: &Step<'_>) -> Option<RgbImage> {
+    /// The picture of a step with everything drawn in; `None` when the sensor has no picture in this step.
+    pub fn draw(&mut self, step: &Step<'_>) -> Option<RgbImage> {
         let frame = step.evidence.frames().iter().find(|f| f.sensor == self.sensor)?;
         let mut canvas = match &frame.payload {
             Payload::Grey(picture) => Canvas::of_grey(picture),
@@ -82,7 +88,7 @@ impl Overlays {
             self.marks.extend(self.project.as_ref().and_then(|p| origin(report, p)));
         }
         for (role, colour, _) in ROLES {
-            if self.settings.search || !matches!(role, Role::Search | Role::Missing) {
+            if self.search || !matches!(role, Role::Search | Role::Missing) {
                 self.marks.iter().filter(|m| role_of(m) == role).for_each(|m| stroke(&mut canvas, m, colour));
             }
         }
@@ -92,11 +98,14 @@ impl Overlays {
         legend(&mut canvas, &self.marks);
         Some(canvas.picture)
     }
+}
 
-    fn save(&mut self, path: &Path, picture: &RgbImage) -> Result<(), DeviceError> {
-        self.encoded.clear();
-        encode(picture, &mut self.encoded).map_err(|e| DeviceError::new(path.display(), e))?;
-        replace(path, &self.encoded)
+impl Overlays {
+    /// Pictures of one sensor in `folder`. With `project` the uncertainty of the model's origin is drawn.
+    pub fn new(folder: &Path, sensor: SensorId, project: Option<Projector>, settings: Settings) -> Self {
+        let drawing = Drawing::new(sensor, project, settings.search);
+        let (folder, sheet) = (folder.to_owned(), Sheet::default());
+        Self { folder, drawing, settings, sheet, index: 0, encoded: vec![] }
     }
 }
 
@@ -105,12 +114,12 @@ impl Output for Overlays {
         let write = self.settings.every != 0 && self.index.is_multiple_of(self.settings.every);
         let keep = self.settings.sheet && self.sheet.wants(self.index);
         if (write || keep)
-            && let Some(picture) = self.draw(step)
+            && let Some(picture) = self.drawing.draw(step)
         {
             if write {
                 let number = step.reports.first().map_or(0, |r| r.frame);
                 let name = format!("overlays/step_{:05}_frame_{number:04}.png", self.index);
-                self.save(&self.folder.join(name), &picture)?;
+                save_png(&self.folder.join(name), &picture, &mut self.encoded)?;
             }
             if keep {
                 self.sheet.add(self.index, &picture);
@@ -122,15 +131,10 @@ impl Output for Overlays {
 
     fn finish(&mut self) -> Result<(), DeviceError> {
         match self.sheet.compose() {
-            Some(picture) => self.save(&self.folder.join("contact_sheet.png"), &picture),
+            Some(picture) => save_png(&self.folder.join("contact_sheet.png"), &picture, &mut self.encoded),
             None => Ok(()),
         }
     }
-}
-
-fn encode(picture: &RgbImage, out: &mut Vec<u8>) -> image::ImageResult<()> {
-    let encoder = PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Sub);
-    encoder.write_image(picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8)
 }
 
 fn role_of(mark: &Mark) -> Role {

@@ -10,10 +10,32 @@ use vt_core::report::Status;
 
 use crate::files::{Lines, of_target};
 
-/// Writes `poses.tum`: `frame tx ty tz qx qy qz qw` a line, camera_from_object, metres, `qw ≥ 0`, 10 digits. With
-/// several targets there is one file each, `poses-NAME.tum`.
+/// A file of poses: `frame tx ty tz qx qy qz qw` a line, camera_from_object, metres, `qw ≥ 0`, 10 digits; on disk up
+/// to its last line.
+pub struct PoseFile(Lines);
+
+impl PoseFile {
+    /// The file `STEM.tum` in `folder` for the only target, `STEM-NAME.tum` for number `k` of several.
+    ///
+    /// # Errors
+    /// [`DeviceError`] when the file cannot be made.
+    pub fn create(folder: &Path, stem: &str, targets: &[String], k: usize) -> Result<Self, DeviceError> {
+        Ok(Self(Lines::create(of_target(folder, stem, "tum", targets, k), HEADER)?))
+    }
+
+    /// Writes the coordinates `tx ty tz qx qy qz qw` of a pose; numbers that are not finite as they are.
+    ///
+    /// # Errors
+    /// [`DeviceError`] when they cannot be written.
+    pub fn write(&mut self, frame: u64, coordinates: &[f64]) -> Result<(), DeviceError> {
+        line(self.0.buffer(), frame, coordinates);
+        self.0.flush()
+    }
+}
+
+/// Writes `poses.tum`, a [`PoseFile`]; with several targets one each, `poses-NAME.tum`.
 pub struct Poses {
-    files: Vec<Lines>,
+    files: Vec<PoseFile>,
     lost: bool,
 }
 
@@ -23,7 +45,7 @@ impl Poses {
     /// # Errors
     /// [`DeviceError`] when a file cannot be made.
     pub fn create(folder: &Path, targets: &[String], lost: bool) -> Result<Self, DeviceError> {
-        let file = |k| Lines::create(of_target(folder, "poses", "tum", targets, k), HEADER);
+        let file = |k| PoseFile::create(folder, "poses", targets, k);
         Ok(Self { files: (0..targets.len()).map(file).collect::<Result<_, _>>()?, lost })
     }
 }
@@ -46,11 +68,9 @@ pub(crate) fn line(out: &mut String, frame: u64, c: &[f64]) {
 impl Output for Poses {
     fn step(&mut self, step: &Step<'_>) -> Result<ControlFlow<()>, DeviceError> {
         for (file, report) in self.files.iter_mut().zip(step.reports) {
-            if report.posterior.space != "se3" || (report.verdict.status == Status::Lost && !self.lost) {
-                continue;
+            if report.posterior.space == "se3" && (report.verdict.status != Status::Lost || self.lost) {
+                file.write(report.frame, &report.posterior.coordinates)?;
             }
-            line(file.buffer(), report.frame, &report.posterior.coordinates);
-            file.flush()?;
         }
         Ok(ControlFlow::Continue(()))
     }

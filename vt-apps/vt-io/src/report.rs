@@ -75,7 +75,7 @@ fn scaled(values: &[f64], factor: f64) -> Option<Statistics> {
 }
 
 fn target(t: &TargetSummary) -> Value {
-    let errors = t.has_truth().then(|| {
+    let errors = t.truth().map(|_| {
         json!({
             "compared": t.translation_errors.len(),
             "translation_mm": scaled(&t.translation_errors, 1e3),

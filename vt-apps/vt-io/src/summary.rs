@@ -113,9 +113,9 @@ impl TargetSummary {
         }
     }
 
-    /// True when true poses are known.
-    pub fn has_truth(&self) -> bool {
-        self.truth.is_some()
+    /// True poses, where they are known.
+    pub fn truth(&self) -> Option<&Truth> {
+        self.truth.as_ref()
     }
 }
 

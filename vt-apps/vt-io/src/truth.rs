@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use vt_core::error::DeviceError;
 use vt_core::lie::SE3;
+use vt_core::manifold::Coordinates;
 
 /// True poses, camera_from_object in metres, by frame number.
 #[derive(Clone, Debug, Default)]
@@ -19,16 +20,11 @@ impl Truth {
     pub fn read_tum(path: &Path) -> Result<Self, DeviceError> {
         let mut poses = BTreeMap::new();
         for (line, v) in rows(path)? {
-            let fail = |why: &str| DeviceError::new(path.display(), format!("line {line}: {why}"));
-            if v.len() != 8 {
-                let why = format!("{} numbers; expected 8: frame tx ty tz qx qy qz qw", v.len());
-                return Err(fail(&why));
-            }
-            if !(v[0] >= 0.0 && v[0].fract() == 0.0) {
-                return Err(fail(&format!("frame {}; expected a whole number from 0", v[0])));
-            }
-            let pose = from_quaternion(&v[1..]).ok_or_else(|| fail("expected a quaternion of length 1"))?;
-            poses.insert(v[0] as u64, pose);
+            let frame = numbered(path, line, &v, "tx ty tz qx qy qz qw", 7)?;
+            let pose = from_quaternion(&v[1..]).ok_or_else(|| {
+                DeviceError::new(path.display(), format!("line {line}: expected a quaternion of length 1"))
+            })?;
+            poses.insert(frame, pose);
         }
         Ok(Self(poses))
     }
@@ -54,6 +50,64 @@ impl Truth {
             return Err(DeviceError::new(folder.display(), why));
         }
         Ok(Self(poses))
+    }
+}
+
+/// Estimates by frame number, from a file or a folder as for [`Truth`]; `None` where a frame has no pose: a number that is
+/// not finite, or a quaternion of zero. Quaternions of any other length are normalised.
+///
+/// # Errors
+/// [`DeviceError`] that names the file and the line; a frame that comes twice is an error.
+pub fn read_estimates(path: &Path) -> Result<BTreeMap<u64, Option<SE3>>, DeviceError> {
+    if path.is_dir() {
+        let poses = Truth::read_matrices(path)?.0;
+        return Ok(poses.into_iter().map(|(frame, pose)| (frame, Some(pose))).collect());
+    }
+    let mut estimates = BTreeMap::new();
+    for (line, v) in numbers(path)? {
+        let frame = numbered(path, line, &v, "tx ty tz qx qy qz qw", 7)?;
+        if estimates.insert(frame, SE3::read(&v[1..])).is_some() {
+            return Err(DeviceError::new(
+                path.display(),
+                format!("line {line}: second pose of frame {frame}"),
+            ));
+        }
+    }
+    Ok(estimates)
+}
+
+/// Covariances by frame number with their line: 21 values, the upper triangle by rows, translation before rotation, of
+/// the error `log(estimate⁻¹ truth)`.
+///
+/// # Errors
+/// [`DeviceError`] that names the file and the line.
+pub fn read_covariances(path: &Path) -> Result<Vec<(usize, u64, Matrix6<f64>)>, DeviceError> {
+    let mut out = vec![];
+    for (line, v) in rows(path)? {
+        let frame = numbered(path, line, &v, "21 values of a covariance", 21)?;
+        let mut values = v.iter().skip(1);
+        let mut covariance = Matrix6::zeros();
+        for r in 0..6 {
+            for c in r..6 {
+                let value = values.next().copied().unwrap_or_default();
+                covariance[(r, c)] = value;
+                covariance[(c, r)] = value;
+            }
+        }
+        out.push((line, frame, covariance));
+    }
+    Ok(out)
+}
+
+/// The frame number of a row that has `n` more numbers, called `rest`.
+fn numbered(path: &Path, line: usize, row: &[f64], rest: &str, n: usize) -> Result<u64, DeviceError> {
+    let fail = |why: String| DeviceError::new(path.display(), format!("line {line}: {why}"));
+    if row.len() != n + 1 {
+        return Err(fail(format!("{} numbers; expected {}: frame {rest}", row.len(), n + 1)));
+    }
+    match row[0] {
+        frame if frame >= 0.0 && frame.fract() == 0.0 => Ok(frame as u64),
+        frame => Err(fail(format!("frame {frame}; expected a whole number from 0"))),
     }
 }
 
@@ -102,16 +156,27 @@ fn from_matrix(v: &[f64]) -> Option<SE3> {
     Some(SE3 { rotation, translation: Vector3::new(v[3], v[7], v[11]) })
 }
 
-/// Lines of numbers with their line numbers, from 1.
+/// Lines of finite numbers with their line numbers, from 1.
 fn rows(path: &Path) -> Result<Vec<(usize, Vec<f64>)>, DeviceError> {
+    let all = numbers(path)?;
+    for (line, row) in &all {
+        if let Some(v) = row.iter().find(|v| !v.is_finite()) {
+            let why = format!("line {line}: found {v}; expected a finite number");
+            return Err(DeviceError::new(path.display(), why));
+        }
+    }
+    Ok(all)
+}
+
+/// Lines of numbers, infinite ones and NaN too, with their line numbers from 1.
+fn numbers(path: &Path) -> Result<Vec<(usize, Vec<f64>)>, DeviceError> {
     let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
     let mut out = vec![];
     for (k, line) in text.lines().enumerate() {
         let words = line.split('#').next().unwrap_or_default();
         let mut row = vec![];
         for word in words.split(|c: char| c.is_whitespace() || ",;".contains(c)).filter(|w| !w.is_empty()) {
-            let number = word.parse::<f64>().ok().filter(|v| v.is_finite());
-            row.push(number.ok_or_else(|| {
+            row.push(word.parse::<f64>().map_err(|_| {
                 DeviceError::new(path.display(), format!("line {}: found `{word}`; expected a number", k + 1))
             })?);
         }
@@ -163,5 +228,31 @@ mod tests {
         assert_eq!(Truth::read_tum(&tum).unwrap().0.keys().collect::<Vec<_>>(), [&7, &8]);
         std::fs::write(&tum, "7 0.1 0.2\n").unwrap();
         assert!(Truth::read_tum(&tum).unwrap_err().to_string().contains("line 1: 3 numbers"));
+        std::fs::write(&tum, "7 nan 0 0 0 0 0 1\n").unwrap();
+        assert!(Truth::read_tum(&tum).unwrap_err().to_string().contains("line 1: found NaN"));
+    }
+
+    #[test]
+    fn estimates_may_be_missing_and_covariances_may_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("e.tum");
+        std::fs::write(&file, "0 0 0 1 0 0 0 2\n3 nan nan nan 0 0 0 1\n4 0 0 1 0 0 0 0\n").unwrap();
+        let e = read_estimates(&file).unwrap();
+        assert_eq!(e[&0].map(|p| p.translation.z), Some(1.0));
+        assert_eq!((e[&3], e[&4], e.len()), (None, None, 3));
+        let wrong =
+            [("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1", "second"), ("1.5 0 0 0 0 0 0 1", "whole"), ("1 2", "8")];
+        for (text, word) in wrong {
+            std::fs::write(&file, text).unwrap();
+            assert!(read_estimates(&file).unwrap_err().to_string().contains(word));
+        }
+        let values = |n: usize| (1..=n).map(|k| format!(",{k}")).collect::<String>();
+        std::fs::write(&file, format!("# c\n7{}\n", values(21))).unwrap();
+        let c = read_covariances(&file).unwrap();
+        assert_eq!((c[0].0, c[0].1, c[0].2[(0, 5)], c[0].2[(1, 0)], c[0].2[(5, 5)]), (2, 7, 6.0, 2.0, 21.0));
+        for text in [format!("7{}", values(20)), format!("7{},nan", values(20))] {
+            std::fs::write(&file, text).unwrap();
+            assert!(read_covariances(&file).unwrap_err().to_string().contains("line 1"));
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use image::AnimationDecoder;
 use vt_core::agent::{Output, Step};
 use vt_core::evidence::Evidence;
 use vt_core::frame::{Frame, Payload, SensorId};
@@ -12,9 +13,11 @@ use vt_core::report::{BeliefRecord, Status, StepReport};
 use vt_core::sketch::{Mark, Role};
 use vt_core::time::Timestamp;
 use vt_io::covariances::Covariances;
-use vt_io::overlay::{Overlays, Settings};
+use vt_io::gif::{Gif, GifSettings};
+use vt_io::overlay::{Drawing, Overlays, Settings};
 use vt_io::poses::Poses;
 use vt_io::report::{Header, Report};
+use vt_io::run_plot::RunPlot;
 use vt_io::steps::Steps;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
@@ -175,4 +178,85 @@ fn overlays_show_marks_in_their_colours_and_the_projected_uncertainty() {
     assert!(picture.get_pixel(159, 0).0[0] < 40);
     let sheet = read("contact_sheet.png");
     assert_eq!(sheet.width(), 3 * 324 + 4);
+}
+
+fn gif(dir: &Path, settings: GifSettings) -> Box<dyn Output> {
+    let drawing = Drawing::new(SensorId(0), None, true);
+    Box::new(Gif::create(dir, drawing, settings).unwrap())
+}
+
+/// Frames of a GIF with their size, read by a decoder that refuses broken files.
+fn frames(dir: &Path) -> Vec<(u32, u32)> {
+    let file = std::io::BufReader::new(std::fs::File::open(dir.join("overlays.gif")).unwrap());
+    let decoder = image::codecs::gif::GifDecoder::new(file).unwrap();
+    let frames = decoder.into_frames().collect_frames().unwrap();
+    frames.iter().map(|f| f.buffer().dimensions()).collect()
+}
+
+#[test]
+fn the_animation_is_a_valid_file_after_every_frame() {
+    let dir = tempfile::tempdir().unwrap();
+    let settings = GifSettings { every: 2, scale: 0.5, ..GifSettings::default() };
+    let mut outputs = vec![gif(dir.path(), settings)];
+    // No `finish`: the run is interrupted.
+    for (steps, expected) in [(1, 1), (1, 1), (1, 2), (4, 4)] {
+        play(&mut outputs, &one(&vec![3; steps]));
+        assert_eq!(frames(dir.path()), vec![(80, 60); expected]);
+    }
+    let bytes = std::fs::read(dir.path().join("overlays.gif")).unwrap();
+    assert_eq!(bytes.last(), Some(&0x3b));
+    let file = std::io::BufReader::new(std::fs::File::open(dir.path().join("overlays.gif")).unwrap());
+    let decoder = image::codecs::gif::GifDecoder::new(file).unwrap();
+    let first = decoder.into_frames().next().unwrap().unwrap();
+    let yellow = first.buffer().pixels().filter(|p| p.0[0] > p.0[2] + 50 && p.0[1] > p.0[2] + 30).count();
+    assert!(yellow > 50, "the model keeps its colour: {yellow} pixels");
+}
+
+#[test]
+fn the_animation_ends_at_its_largest_size_and_an_old_one_is_removed() {
+    let dir = tempfile::tempdir().unwrap();
+    let settings = GifSettings { every: 1, scale: 1.0, max_bytes: 1, ..GifSettings::default() };
+    let mut outputs = vec![gif(dir.path(), settings)];
+    play(&mut outputs, &one(&[1, 2, 3]));
+    assert_eq!(frames(dir.path()), [(160, 120)], "the frame that reaches the size is the last");
+    outputs[0] = gif(dir.path(), settings);
+    assert!(!dir.path().join("overlays.gif").exists());
+}
+
+#[test]
+fn the_plot_of_an_interrupted_run_is_whole_in_both_forms() {
+    let mut truth = Truth::default();
+    truth.0.insert(1, SE3::new(UnitQuaternion::identity(), Vector3::new(0.1, -0.2, 0.33)));
+    for (truth, word) in [(Some(truth), "error and deviation"), (None, "residuals")] {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("plot.svg"), "old").unwrap();
+        let plot = RunPlot::create(dir.path(), vec![("castle".to_owned(), truth)]).unwrap();
+        assert!(!dir.path().join("plot.svg").exists());
+        let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(plot)];
+        let mut steps = one(&[1, 2, 3]);
+        steps[1][0].verdict.status = Status::Lost;
+        play(&mut outputs, &steps);
+        outputs[0].finish().unwrap();
+        let svg = std::fs::read_to_string(dir.path().join("plot.svg")).unwrap();
+        assert!(svg.trim_end().ends_with("</svg>") && svg.contains(word), "{word}");
+        assert!(svg.contains("castle over 3 steps"));
+        let picture = image::open(dir.path().join("plot.png")).unwrap().into_rgb8();
+        let red = picture.pixels().filter(|p| p.0[0] > 230 && p.0[1] < 210 && p.0[2] < 210).count();
+        assert!(red > 1000, "the lost step is red: {red} pixels");
+    }
+}
+
+/// A long run is plotted from joined samples, none of which hides a failure.
+#[test]
+fn the_plot_of_a_long_run_keeps_its_one_bad_step() {
+    let dir = tempfile::tempdir().unwrap();
+    let plot = RunPlot::create(dir.path(), vec![("castle".to_owned(), None)]).unwrap();
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(plot)];
+    let mut steps = one(&vec![1; 10_001]);
+    steps[5001][0].verdict = vt_core::report::Verdict { status: Status::Lost, loss_probability: 1.0 };
+    play(&mut outputs, &steps);
+    outputs[0].finish().unwrap();
+    let svg = std::fs::read_to_string(dir.path().join("plot.svg")).unwrap();
+    assert!(svg.contains("#E62828"), "the colour of a loss");
+    assert!(svg.len() < 1_000_000, "{} bytes", svg.len());
 }

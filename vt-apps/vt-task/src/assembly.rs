@@ -6,8 +6,10 @@ use std::path::Path;
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
 use vt_core::belief::{Gaussian, Triple};
+use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
+use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Tangent};
 use vt_core::report::{Assessment, Verdict};
 use vt_fusion::{AnyTarget, Target, TrackingLoop};
@@ -35,6 +37,9 @@ pub struct Scene {
     pub sensors: Vec<Box<dyn Sensor>>,
     /// True poses of each target, where they are known.
     pub truths: Vec<Option<Truth>>,
+    /// Whether each target starts at the true pose of the first frame, whatever its init says; the uncertainty stays
+    /// that of the init.
+    pub true_starts: Vec<bool>,
     cameras: Vec<Option<Camera>>,
     shapes: BTreeMap<String, Shape>,
     appearances: BTreeMap<String, AppearanceProduct>,
@@ -75,6 +80,7 @@ impl Scene {
         let mut scene = Self {
             sensors: vec![],
             truths: vec![],
+            true_starts: vec![false; task.targets.len()],
             cameras: vec![],
             shapes: shapes(document, task, registry)?,
             appearances: BTreeMap::new(),
@@ -236,6 +242,19 @@ impl LossDetector for NeverLost {
     fn reset(&mut self) {}
 }
 
+/// The true pose of the first frame in the pose space `P`.
+fn true_start<P: Coordinates>(init: &InitContext<'_>) -> Result<P, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let mut coordinates = vec![];
+    init.true_pose()?.write(&mut coordinates);
+    P::read(&coordinates).filter(|_| P::SPACE == SE3::SPACE).ok_or_else(|| ConfigError::Mismatch {
+        found: format!("a start at the truth in the pose space {}", P::SPACE),
+        expected: format!("a target of the space {}", SE3::SPACE),
+    })
+}
+
 /// Builds a target of the pose space `P`.
 pub(crate) fn build_target<P: Coordinates>(c: &TargetContext<'_>) -> Result<BuiltTarget, ReadError>
 where
@@ -282,7 +301,12 @@ where
         first_frame: first.map_or(0, |f| f.number),
         freedom: &freedom,
     };
-    let prior: Gaussian<P> = registry.build::<Inits<P>>(node(document, &format!("{path}.init"))?, init)?;
+    let init_node = node(document, &format!("{path}.init"))?;
+    let mut prior: Gaussian<P> = registry.build::<Inits<P>>(init_node, init)?;
+    if c.scene.true_starts.get(c.index).is_some_and(|wanted| *wanted) {
+        let start = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
+        prior.mean = start;
+    }
     let motion =
         registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
     let context =

@@ -11,8 +11,10 @@ use std::sync::Arc;
 use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
 use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
+use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::SensorId;
+use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Square, Tangent};
 use vt_core::measurement::Modality;
 use vt_core::time::Seconds;
@@ -309,6 +311,23 @@ pub struct InitContext<'a> {
     pub first_frame: u64,
     /// Free and locked degrees of freedom; locked ones have no uncertainty.
     pub freedom: &'a Freedom,
+}
+
+impl InitContext<'_> {
+    /// The true pose of the first frame.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when no truth is known, or none of that frame.
+    pub fn true_pose(&self) -> Result<SE3, ConfigError> {
+        let found = match self.truth {
+            None => "a target without `truth`".to_owned(),
+            Some(_) => format!("truth without frame {}", self.first_frame),
+        };
+        self.truth.and_then(|t| t.0.get(&self.first_frame)).copied().ok_or_else(|| ConfigError::Mismatch {
+            found,
+            expected: format!("the true pose of frame {}, the first one", self.first_frame),
+        })
+    }
 }
 
 /// What an output is built from.

@@ -113,12 +113,17 @@ fn every_fault_is_found_where_it_is() {
         "misspelt background": "frames = 5" => "frames = 5, background = { kind = \"cluter\" }", at "\"cluter\"", P::UnknownWord { .. }, nearest Some("clutter"), expected "plain";
         "scene beside a scene": "frames = 5" => "frames = 5, scene = \"camera\"", at "\"camera\"", P::Value { .. }, nearest None, expected "either `scene`";
         "no scene": "model = \"bracket\", frames" => "frames", at "", P::Value { .. }, nearest None, expected "or `scene`";
-        "dangling scene": "model = \"bracket\", frames = 5" => "scene = \"camra\", others = [], frames = 5", at "", P::Value { .. }, nearest None, expected "either `scene`";
         "two motions": "period = \"4 s\"" => "period = \"4 s\", velocity = [\"1 m/s\", \"0 m/s\", \"0 m/s\"]", at "", P::Value { .. }, nearest None, expected "one of swings";
         "swing without period": ", period = \"4 s\"" => "", at "", P::Value { .. }, nearest None, expected "span of time";
         "keys out of order": "translation = [\"1 mm\", \"1 mm\", \"1 mm\"], rotation = [\"1 deg\", \"1 deg\", \"1 deg\"], period = \"4 s\"" => "keys = [{ time = \"0 s\", pose = {} }]", at "[{ time = \"0 s\", pose = {} }]", P::Value { .. }, nearest None, expected "rising order";
         "dangling model of another object": "frames = 5" => "frames = 5, others = [{ model = \"brackt\", path = {} }]", at "[{ model = \"brackt\", path = {} }]", P::UnknownName { .. }, nearest Some("bracket"), expected "model";
         "two objects of one name": "frames = 5" => "frames = 5, others = [{ model = \"bracket\", path = {} }]", at "[{ model = \"bracket\", path = {} }]", P::Value { .. }, nearest None, expected "of its own";
+        "animation too large": "kind = \"poses\"" => "kind = \"gif\"\nparams = { scale = 2.0 }", at "2.0", P::Value { .. }, nearest None, expected "0.01 to 1";
+        "animation of no frame": "kind = \"poses\"" => "kind = \"gif\"\nparams = { every = 0 }", at "0", P::Value { .. }, nearest None, expected "from 1";
+        "animation without a limit": "kind = \"poses\"" => "kind = \"gif\"\nparams = { max_megabytes = 0.0 }", at "0.0", P::Value { .. }, nearest None, expected "above 0";
+        "delay without a unit": "kind = \"poses\"" => "kind = \"gif\"\nparams = { delay = 0.1 }", at "0.1", P::Value { .. }, nearest None, expected "span of time";
+        "sensor of an animation": "kind = \"poses\"" => "kind = \"gif\"\nparams = { sensor = \"camra\" }", at "\"camra\"", P::UnknownName { .. }, nearest Some("camera"), expected "sensor";
+        "sites of no length": "sigma = \"0.5 px\"" => "min_length = \"0 px\"", at "\"0 px\"", P::Value { .. }, nearest None, expected "positive";
         "negative deviation": "sigma = \"0.5 px\"" => "sigma = \"-0.5 px\"", at "\"-0.5 px\"", P::Value { .. }, nearest None, expected "positive";
         "focal length of zero": "focal = [\"200 px\"" => "focal = [\"0 px\"", at "[\"0 px\", \"200 px\"]", P::Value { .. }, nearest None, expected "positive focal";
         "missing key": "model = \"bracket\"\ntruth" => "truth", at "[[targets]]", P::MissingKey { .. }, nearest None, expected "model";

@@ -22,13 +22,18 @@ impl Bar {
 
     /// Shows a step.
     pub fn show(&self, progress: &Progress<'_>) {
+        self.show_of("", progress);
+    }
+
+    /// Shows a step of a sequence.
+    pub fn show_of(&self, sequence: &str, progress: &Progress<'_>) {
         if let Some(total) = progress.total {
             self.bar.set_length(total as u64);
         }
         self.bar.set_position(progress.steps as u64);
         if !self.bar.is_hidden() {
             let states = progress.reports.iter().map(|r| format!("{} {}", r.target, r.verdict.status.name()));
-            self.bar.set_message(states.collect::<Vec<_>>().join(", "));
+            self.bar.set_message(format!("{sequence} {}", states.collect::<Vec<_>>().join(", ")));
         }
     }
 

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
+use cpu_time::ProcessTime;
 use vt_core::agent::{Output, Sensor, Step};
 use vt_core::error::DeviceError;
 use vt_core::frame::Frame;
@@ -12,7 +14,9 @@ use vt_fusion::tracking::StepError;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_task::assembly::Scene;
-use vt_task::{Document, Registry, TaskErrors, check};
+use vt_task::{Document, Registry, Task, TaskErrors, check};
+
+use crate::protocol::{Judge, Protocol, ProtocolError, Score};
 
 /// How a task is run.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +27,30 @@ pub struct Options {
     pub max_frames: Option<usize>,
     /// Ends the run after the current step once it is set.
     pub stop: Arc<AtomicBool>,
+    /// Starts targets at the truth and judges them against it.
+    pub protocol: Option<Protocol>,
+}
+
+/// What a run gave besides its outputs.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Figures of the run.
+    pub summary: Summary,
+    /// Time of each tracking step: evidence, measurement, estimate; without reading pictures and without outputs.
+    pub times: Vec<StepTime>,
+    /// One for each target that the protocol judges.
+    pub scores: Vec<Score>,
+    /// Whether the run was ended before its time by [`Options::stop`].
+    pub interrupted: bool,
+}
+
+/// Time of a tracking step in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepTime {
+    /// CPU time of the process, all threads together.
+    pub cpu: f64,
+    /// Wall-clock time.
+    pub wall: f64,
 }
 
 /// What is known after a step.
@@ -45,6 +73,17 @@ pub enum RunError {
     /// A sensor or an output failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The run cannot be judged.
+    #[error(transparent)]
+    Protocol(#[from] ProtocolError),
+    /// A target could not be put to the true pose.
+    #[error("frame {frame}: {source}")]
+    Reset {
+        /// Number of the frame.
+        frame: u64,
+        /// What failed.
+        source: StepError,
+    },
     /// A step could not be made.
     #[error("step {step}: {source}")]
     Step {
@@ -65,9 +104,10 @@ pub fn run(
     registry: &Registry,
     options: &Options,
     observe: &mut dyn FnMut(&Progress<'_>),
-) -> Result<Summary, RunError> {
+) -> Result<Outcome, RunError> {
     let task = check(document, registry)?;
     let mut scene = Scene::build(document, &task, registry)?;
+    let mut judges = judges(options.protocol.as_ref(), &task, &mut scene)?;
     let mut queue = Queue::default();
     for sensor in &mut scene.sensors {
         queue.waiting.push(sensor.next()?);
@@ -86,6 +126,7 @@ pub fn run(
     };
     let mut outputs = scene.outputs(document, &task, registry, &options.out, &header)?;
     let mut summary = scene.summary(&task);
+    let mut times = vec![];
 
     let result = (|| {
         for step in 0..limit {
@@ -94,12 +135,23 @@ pub fn run(
                 break;
             }
             let Some(frames) = queue.take(&mut scene.sensors)? else { break };
+            let (cpu, wall) = (ProcessTime::now(), Instant::now());
             tracking.step(frames).map_err(|source| RunError::Step { step, source })?;
+            times.push(StepTime { cpu: cpu.elapsed().as_secs_f64(), wall: wall.elapsed().as_secs_f64() });
             let go_on = tracking.with_step(|s| {
                 summary.add(s);
                 observe(&Progress { steps: step + 1, total, reports: s.reports });
                 write(&mut outputs, s)
             })?;
+            for judge in &mut judges {
+                let seen =
+                    tracking.with_step(|s| s.reports.get(judge.index).map(|r| (r.frame, judge.see(r))));
+                let Some((frame, verdict)) = seen else { continue };
+                if let Some(prior) = verdict? {
+                    let placed = tracking.place(judge.index, &prior);
+                    placed.map_err(|source| RunError::Reset { frame, source })?;
+                }
+            }
             if !go_on {
                 break;
             }
@@ -112,7 +164,24 @@ pub fn run(
     // All outputs are finished, also when one of them fails.
     let finished = outputs.iter_mut().map(|o| o.finish()).fold(Ok(()), Result::and);
     result.and(finished.map_err(RunError::from))?;
-    Ok(summary)
+    let interrupted = header.interrupted.load(Ordering::Relaxed);
+    Ok(Outcome { summary, times, scores: judges.into_iter().map(|j| j.score).collect(), interrupted })
+}
+
+/// The judges of a protocol; the targets that they judge will start at the truth.
+fn judges(protocol: Option<&Protocol>, task: &Task, scene: &mut Scene) -> Result<Vec<Judge>, RunError> {
+    let mut out = vec![];
+    let Some(protocol) = protocol else { return Ok(out) };
+    for (k, name) in protocol.targets.iter().enumerate() {
+        let index = task.targets.iter().position(|t| t.name == *name);
+        let index = index.ok_or_else(|| ProtocolError::UnknownTarget {
+            name: name.clone(),
+            known: task.targets.iter().map(|t| t.name.clone()).collect(),
+        })?;
+        out.push(Judge::new(protocol, k, index, scene.truths[index].clone().unwrap_or_default())?);
+        scene.true_starts[index] = true;
+    }
+    Ok(out)
 }
 
 /// Gives a step to all outputs; false when one of them ends the run.

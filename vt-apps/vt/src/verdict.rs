@@ -2,15 +2,36 @@
 
 use core::fmt::Write;
 
-use vt_io::summary::{Statistics, Summary, TargetSummary};
+use vt_io::summary::{Statistics, TargetSummary};
+
+use crate::protocol::Score;
+use crate::run::Outcome;
 
 /// Lines for people: frames, speed, conditions and errors against truth.
-pub fn describe(summary: &Summary) -> String {
+pub fn describe(outcome: &Outcome) -> String {
+    let summary = &outcome.summary;
     let mut out = String::new();
     let (steps, seconds) = (summary.steps, summary.wall.as_secs_f64());
     let _ = writeln!(out, "{steps} frames in {seconds:.2} s, {:.1} frames/s", summary.frames_per_second());
     summary.targets.iter().for_each(|t| target(&mut out, t));
+    let cpu: Vec<f64> = outcome.times.iter().map(|t| 1e3 * t.cpu).collect();
+    if let Some(s) = Statistics::of(&cpu) {
+        let _ =
+            writeln!(out, "CPU without reading pictures and outputs: {:.2} ms a frame (median)", s.median);
+    }
+    outcome.scores.iter().for_each(|s| score(&mut out, s));
     out
+}
+
+fn score(out: &mut String, s: &Score) {
+    let Some(percent) = s.success_percent() else { return };
+    let (name, good, frames) = (&s.target, s.succeeded.len(), s.frames);
+    let _ = write!(out, "target `{name}`: success {percent:.1} % ({good} of {frames} frames");
+    let _ = write!(out, ", put to the truth {} times)", s.resets);
+    if let Some((mm, deg)) = s.medians() {
+        let _ = write!(out, ", median error of these {mm:.2} mm, {deg:.3} deg");
+    }
+    out.push('\n');
 }
 
 fn target(out: &mut String, t: &TargetSummary) {

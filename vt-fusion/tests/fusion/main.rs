@@ -4,5 +4,6 @@ mod groups;
 mod loops;
 mod losses;
 mod observability;
+mod placed;
 mod sensors;
 mod static_fusion;

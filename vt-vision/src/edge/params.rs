@@ -26,8 +26,10 @@ pub struct EdgeParams {
     /// Shortest and longest half range of the search along a normal; between them the range is three deviations of
     /// the predicted contour.
     pub range: [f64; 2],
-    /// Standard deviation of the localisation of an edge point; also the floor of the scale estimated from residuals.
+    /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: f64,
+    /// Least standard deviation of the localisation of an edge point; the residuals of the picture may say more.
+    pub localization: f64,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
     /// Clutter edges per pixel of search line.
@@ -40,6 +42,8 @@ pub struct EdgeParams {
     pub iterations: usize,
     /// Most pyramid levels above the full picture, used where the prediction is uncertain by more than the range.
     pub coarse_levels: u32,
+    /// Most starts spread over a prediction that is uncertain by more than the longest range.
+    pub starts: u32,
     /// Divisor of the pixel-level log-likelihood (temperature), since neighbouring normals are not independent.
     pub temperature: f64,
 }
@@ -53,12 +57,14 @@ impl Default for EdgeParams {
             max_candidates: 6,
             range: [6.0, 30.0],
             sigma: 0.4,
+            localization: 0.1,
             miss_probability: 0.1,
             clutter_density: 0.03,
             correlation_length: 16.0,
             searches: 3,
             iterations: 8,
-            coarse_levels: 0,
+            coarse_levels: 3,
+            starts: 24,
             temperature: 1.0,
         }
     }
@@ -79,6 +85,7 @@ impl EdgeParams {
         };
         positive("min_contrast", self.min_contrast)?;
         positive("sigma", self.sigma)?;
+        positive("localization", self.localization)?;
         positive("clutter_density", self.clutter_density)?;
         positive("correlation_length", self.correlation_length)?;
         positive("temperature", self.temperature)?;
@@ -101,6 +108,7 @@ impl EdgeParams {
             ("searches", self.searches, 1, 20),
             ("iterations", self.iterations, 1, 100),
             ("coarse_levels", self.coarse_levels as usize, 0, 6),
+            ("starts", self.starts as usize, 1, 1000),
         ] {
             if !(low..=high).contains(&v) {
                 return Err(ConfigError::parameter(key, v, format!("{low} to {high}")));

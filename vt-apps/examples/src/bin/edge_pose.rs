@@ -115,7 +115,7 @@ fn own(cli: &Cli) -> Result<Vec<String>, String> {
 fn start(cli: &Cli, document: &Document) -> Result<(), RunError> {
     let stop = vt::interrupt::flag().unwrap_or_default();
     let bar = Bar::new(false);
-    let options = Options { out: cli.out.clone(), max_frames: cli.max_frames, stop };
+    let options = Options { out: cli.out.clone(), max_frames: cli.max_frames, stop, ..Options::default() };
     let result = run(document, &Registry::standard(), &options, &mut |p| bar.show(p));
     bar.finish();
     print!("{}", vt::verdict::describe(&result?));

@@ -39,8 +39,10 @@ pub struct Edges {
     pub max_candidates: usize,
     /// Shortest and longest half range of the search along a normal; between them the predicted uncertainty decides.
     pub range: [Pixels; 2],
-    /// Deviation of the localisation of an edge point.
+    /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: Pixels,
+    /// Least standard deviation of the localisation of an edge point.
+    pub localization: Pixels,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
     /// Clutter edges per pixel of search line.
@@ -53,10 +55,14 @@ pub struct Edges {
     pub iterations: usize,
     /// Most pyramid levels above the full picture.
     pub coarse_levels: u32,
+    /// Most starts where the prediction is uncertain by more than the longest range.
+    pub starts: u32,
     /// Divisor of the log-likelihood at pixel level.
     pub temperature: f64,
     /// Distance of sites along a visible edge.
     pub step: Pixels,
+    /// Shortest projected edge that gets a site; the outline of a finely divided surface is made of very short ones.
+    pub min_length: Pixels,
     /// Most sites.
     pub max_sites: usize,
     /// Smallest angle between two faces whose edge is looked for.
@@ -80,14 +86,17 @@ impl Default for Edges {
             max_candidates: p.max_candidates,
             range: p.range.map(pixels),
             sigma: pixels(p.sigma),
+            localization: pixels(p.localization),
             miss_probability: p.miss_probability,
             clutter_density: p.clutter_density,
             correlation_length: pixels(p.correlation_length),
             searches: p.searches,
             iterations: p.iterations,
             coarse_levels: p.coarse_levels,
+            starts: p.starts,
             temperature: p.temperature,
             step: pixels(v.step),
+            min_length: pixels(v.min_length),
             max_sites: v.max_sites,
             crease_angle: Angle::new(EdgeOptions::default().crease_angle, "rad").unwrap_or_default(),
         }
@@ -106,12 +115,14 @@ impl Edges {
             max_candidates: self.max_candidates,
             range: self.range.map(|r| r.si()),
             sigma: self.sigma.si(),
+            localization: self.localization.si(),
             miss_probability: self.miss_probability,
             clutter_density: self.clutter_density,
             correlation_length: self.correlation_length.si(),
             searches: self.searches,
             iterations: self.iterations,
             coarse_levels: self.coarse_levels,
+            starts: self.starts,
             temperature: self.temperature,
         }
         .check()
@@ -122,6 +133,9 @@ impl Params for Edges {
     fn check(&self) -> Result<(), ConfigError> {
         if self.step.si() < 1.0 {
             return Err(ConfigError::parameter("step", self.step, "at least 1 px"));
+        }
+        if self.min_length.si() <= 0.0 {
+            return Err(ConfigError::parameter("min_length", self.min_length, "a positive number of pixels"));
         }
         if self.max_sites == 0 {
             return Err(ConfigError::parameter("max_sites", 0, "at least 1 site"));
@@ -146,8 +160,12 @@ pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityPr
     let options = EdgeOptions { crease_angle: p.crease_angle.si(), ..EdgeOptions::default() };
     let model =
         EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
-    let visibility =
-        VisibilityOptions { step: p.step.si(), max_sites: p.max_sites, ..VisibilityOptions::default() };
+    let visibility = VisibilityOptions {
+        step: p.step.si(),
+        min_length: p.min_length.si(),
+        max_sites: p.max_sites,
+        ..VisibilityOptions::default()
+    };
     let diameter = mesh.diameter();
     let cache = ViewCache::new(visibility, ViewThresholds::default());
     let view = MeshView::new(Arc::new(mesh), Arc::new(model), camera, cache);

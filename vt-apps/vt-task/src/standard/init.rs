@@ -109,16 +109,8 @@ pub(super) fn file(p: InitFile, context: InitContext<'_>) -> Result<Gaussian<SE3
 }
 
 pub(super) fn truth(p: InitTruth, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
-    let found = match context.truth {
-        None => "a target without `truth`".to_owned(),
-        Some(_) => format!("truth without frame {}", context.first_frame),
-    };
-    let truth = context.truth.and_then(|t| t.0.get(&context.first_frame)).ok_or(ConfigError::Mismatch {
-        found,
-        expected: format!("the true pose of frame {}, the first one", context.first_frame),
-    })?;
     let offset = p.offset.unwrap_or_default().pose()?;
-    Ok(p.sigma.around(*truth * offset, &context))
+    Ok(p.sigma.around(context.true_pose()? * offset, &context))
 }
 
 /// Parameters of the re-initialiser `prior`.

@@ -113,6 +113,12 @@ impl Registry {
                 "pictures with model, measurements, state",
                 output::overlays,
             ))
+            .with(Method::<Outputs>::new("gif", "overlays.gif: overlays as an animation", output::gif))
+            .with(Method::<Outputs>::new(
+                "plot",
+                "plot.png and plot.svg: errors, uncertainty, loss, time",
+                output::plot,
+            ))
     }
 }
 

@@ -1,10 +1,13 @@
 //! Ground shapes.
 
+use std::path::Path;
+
+use nalgebra::Point3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
 use vt_models::loaders::load_mesh;
-use vt_models::mesh::{Shape, Unit};
+use vt_models::mesh::{Mesh, Shape, Unit};
 
 use crate::geometry::PoseText;
 use crate::language::FilePath;
@@ -26,6 +29,41 @@ pub enum FileUnit {
     /// Inch.
     #[serde(rename = "in")]
     Inch,
+}
+
+impl FileUnit {
+    /// The unit of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "m" => Self::Metre,
+            "cm" => Self::Centimetre,
+            "mm" => Self::Millimetre,
+            "in" => Self::Inch,
+            _ => return None,
+        })
+    }
+
+    fn unit(self) -> Unit {
+        match self {
+            Self::Metre => Unit::Metre,
+            Self::Centimetre => Unit::Centimetre,
+            Self::Millimetre => Unit::Millimetre,
+            Self::Inch => Unit::Inch,
+        }
+    }
+}
+
+/// The vertices of a model file in metres, for scores.
+///
+/// # Errors
+/// [`ConfigError`] when the file cannot be read.
+pub fn vertices(path: &Path, unit: FileUnit) -> Result<Vec<Point3<f64>>, ConfigError> {
+    Ok(load(path, unit)?.vertices().to_vec())
+}
+
+fn load(path: &Path, unit: FileUnit) -> Result<Mesh, ConfigError> {
+    load_mesh(path, unit.unit())
+        .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable model file".into() })
 }
 
 /// A rigid part of a shape.
@@ -67,16 +105,7 @@ pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Shape, ConfigError>
     let mut shape = Shape::default();
     for part in &p.parts {
         let path = place.resolve(&part.file);
-        let unit = match part.unit {
-            FileUnit::Metre => Unit::Metre,
-            FileUnit::Centimetre => Unit::Centimetre,
-            FileUnit::Millimetre => Unit::Millimetre,
-            FileUnit::Inch => Unit::Inch,
-        };
-        let mesh = load_mesh(&path, unit).map_err(|e| ConfigError::Mismatch {
-            found: e.to_string(),
-            expected: "a readable model file".into(),
-        })?;
+        let mesh = load(&path, part.unit)?;
         let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let pose = part.object_from_part.clone().unwrap_or_default().pose()?;
         shape = shape.with(&name, mesh, pose);
