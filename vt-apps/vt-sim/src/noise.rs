@@ -74,14 +74,14 @@ impl Converter {
         Self { noise, curve, steps: ((1_u32 << noise.bits.clamp(1, 8)) - 1) as f32 / 255.0 }
     }
 
-    /// Bytes of a row of light, 0 to 1, one number a channel.
-    pub(crate) fn convert(&self, light: impl Iterator<Item = f32>, out: &mut [u8], random: &mut Random) {
+    /// Bytes of a row of light, 0 to 1, by index.
+    pub(crate) fn convert(&self, light: impl Fn(usize) -> f32, out: &mut [u8], random: &mut Random) {
         let (normals, noise) = (normals(), &self.noise);
         let (variance, gain) = ((noise.gaussian * noise.gaussian) as f32, noise.photon as f32);
         let wrong = (65536.0 * noise.salt_and_pepper) as usize;
         let mut numbers = Sixteen { random, bits: 0, left: 0 };
-        for (byte, light) in out.iter_mut().zip(light) {
-            let mut level = 255.0 * light;
+        for (k, byte) in out.iter_mut().enumerate() {
+            let mut level = 255.0 * light(k);
             if variance > 0.0 || gain > 0.0 {
                 let deviation = if gain > 0.0 {
                     (variance + gain * level.max(0.0)).sqrt()
@@ -119,7 +119,7 @@ mod tests {
     fn bytes(noise: Noise, level: f32) -> Vec<f64> {
         let mut out = vec![0; N];
         let mut random = Random::new(5, Stream::Sim, 0, 0, 0);
-        Converter::new(noise).convert(core::iter::repeat_n(level / 255.0, N), &mut out, &mut random);
+        Converter::new(noise).convert(|_| level / 255.0, &mut out, &mut random);
         out.into_iter().map(f64::from).collect()
     }
 
@@ -164,7 +164,7 @@ mod tests {
                 let mut out = [0];
                 let mut random = Random::new(0, Stream::Sim, 0, 0, 0);
                 let noise = Converter::new(Noise { bits: 3, ..quiet });
-                noise.convert(core::iter::once(level as f32 / 255.0), &mut out, &mut random);
+                noise.convert(|_| level as f32 / 255.0, &mut out, &mut random);
                 out[0]
             })
             .collect();

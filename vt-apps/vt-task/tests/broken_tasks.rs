@@ -101,6 +101,23 @@ fn every_fault_is_found_where_it_is() {
         "number that is not finite": "frames = 5" => "frames = 5, noise = inf", at "inf", P::Value { .. }, nearest None, expected "finite";
         "parameter out of range": "iterations = 2" => "iterations = 0", at "0", P::Value { .. }, nearest None, expected "1 to 100";
         "zero frames": "frames = 5" => "frames = 0", at "0", P::Value { .. }, nearest None, expected "at least 1";
+        "exposure above one": "frames = 5" => "frames = 5, exposure = 1.5", at "1.5", P::Value { .. }, nearest None, expected "from 0 to 1";
+        "no bits": "frames = 5" => "frames = 5, bits = 0", at "0", P::Value { .. }, nearest None, expected "from 1 to 8";
+        "gap that ends before it starts": "frames = 5" => "frames = 5, losses = { gaps = [[9, 3]] }", at "[[9, 3]]", P::Value { .. }, nearest None, expected "first and a last";
+        "misspelt light": "frames = 5" => "frames = 5, light = { ambiant = 0.5 }", at "ambiant", P::UnknownKey { .. }, nearest Some("ambient"), expected "diffuse";
+        "too much light": "frames = 5" => "frames = 5, light = { ambient = 1.5 }", at "1.5", P::Value { .. }, nearest None, expected "from 0 to 1";
+        "light from nowhere": "frames = 5" => "frames = 5, light = { direction = [0.0, 0.0, 0.0] }", at "[0.0, 0.0, 0.0]", P::Value { .. }, nearest None, expected "not zero";
+        "shadow without unit": "frames = 5" => "frames = 5, light = { shadow = { width = 9 } }", at "9", P::Value { .. }, nearest None, expected "8 px";
+        "too dense": "frames = 5" => "frames = 5, background = { kind = \"clutter\", params = { size = \"9 px\", density = 99.0, brightness = 0.5, contrast = 0.5 } }", at "99.0", P::Value { .. }, nearest None, expected "from 0 to 10";
+        "background that is not there": "frames = 5" => "frames = 5, background = { kind = \"picture\", params = { file = \"no.png\" } }", at "\"no.png\"", P::MissingFile { .. }, nearest None, expected "relative to the task file";
+        "misspelt background": "frames = 5" => "frames = 5, background = { kind = \"cluter\" }", at "\"cluter\"", P::UnknownWord { .. }, nearest Some("clutter"), expected "plain";
+        "scene beside a scene": "frames = 5" => "frames = 5, scene = \"camera\"", at "\"camera\"", P::Value { .. }, nearest None, expected "either `scene`";
+        "no scene": "model = \"bracket\", frames" => "frames", at "", P::Value { .. }, nearest None, expected "or `scene`";
+        "two motions": "period = \"4 s\"" => "period = \"4 s\", velocity = [\"1 m/s\", \"0 m/s\", \"0 m/s\"]", at "", P::Value { .. }, nearest None, expected "one of swings";
+        "swing without period": ", period = \"4 s\"" => "", at "", P::Value { .. }, nearest None, expected "span of time";
+        "keys out of order": "translation = [\"1 mm\", \"1 mm\", \"1 mm\"], rotation = [\"1 deg\", \"1 deg\", \"1 deg\"], period = \"4 s\"" => "keys = [{ time = \"0 s\", pose = {} }]", at "[{ time = \"0 s\", pose = {} }]", P::Value { .. }, nearest None, expected "rising order";
+        "dangling model of another object": "frames = 5" => "frames = 5, others = [{ model = \"brackt\", path = {} }]", at "[{ model = \"brackt\", path = {} }]", P::UnknownName { .. }, nearest Some("bracket"), expected "model";
+        "two objects of one name": "frames = 5" => "frames = 5, others = [{ model = \"bracket\", path = {} }]", at "[{ model = \"bracket\", path = {} }]", P::Value { .. }, nearest None, expected "of its own";
         "animation too large": "kind = \"poses\"" => "kind = \"gif\"\nparams = { scale = 2.0 }", at "2.0", P::Value { .. }, nearest None, expected "0.01 to 1";
         "animation of no frame": "kind = \"poses\"" => "kind = \"gif\"\nparams = { every = 0 }", at "0", P::Value { .. }, nearest None, expected "from 1";
         "animation without a limit": "kind = \"poses\"" => "kind = \"gif\"\nparams = { max_megabytes = 0.0 }", at "0.0", P::Value { .. }, nearest None, expected "above 0";
@@ -142,6 +159,33 @@ fn every_fault_is_found_where_it_is() {
         let expected = e.problem.expected().expect(case.name);
         assert!(expected.contains(case.expected), "{}: {expected}", case.name);
     }
+}
+
+/// What is found wrong when a task that passes the checks is built.
+fn build(text: &str) -> vt_task::TaskError {
+    let document = Document::parse("task.toml", text, Path::new(""), &[], &|_| None).unwrap();
+    let task = check(&document, &Registry::standard()).unwrap();
+    let errors = vt_task::assembly::Scene::build(&document, &task, &Registry::standard()).err().unwrap();
+    errors.problems.into_iter().next().unwrap()
+}
+
+#[test]
+fn scenes_and_objects_that_are_not_there_are_found_when_the_task_is_built() {
+    let one = GOOD.find("[[sensors]]\nname = \"bare\"").unwrap()..GOOD.find("[[models]]").unwrap();
+    let second = "[[sensors]]\nname = \"right\"\nkind = \"simulated\"\n\
+                  params = { scene = \"SCENE\", frames = 5, rate = \"25 Hz\" }\n\
+                  camera = { size = [160, 120], focal = [\"200 px\", \"200 px\"], center = [\"79.5 px\", \"59.5 px\"] }\n\n";
+    let mut good = GOOD.to_owned();
+    good.replace_range(one, second);
+    let e = build(&good.replace("SCENE", "right"));
+    assert!(e.problem.expected().unwrap().contains("earlier in the task"), "{e}");
+    let e = build(
+        &good
+            .replace("SCENE", "camera")
+            .replace("sensor = \"camera\" }", "sensor = \"right\", object = \"box\" }"),
+    );
+    assert_eq!(e.excerpt(), Some("\"box\""));
+    assert!(e.problem.expected().unwrap().contains("`bracket`"), "{e}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use vt_task::language::{
     Choice, Level, ModalitySection, ModelSection, Picture, SensorSection, TargetSection,
 };
-use vt_task::{Document, Registry, Task, check};
+use vt_task::{Document, Registry, Task, check, scenarios};
 
 fn text() -> impl Strategy<Value = String> {
     // Quotes, braces, dollars, controls and letters of other scripts.
@@ -96,9 +96,9 @@ proptest! {
 
 #[test]
 fn our_own_tasks_come_back_and_fit_the_schema_by_name() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tasks");
+    let folders = ["../tasks", "../scenarios"].map(|f| Path::new(env!("CARGO_MANIFEST_DIR")).join(f));
     let mut count = 0;
-    for entry in std::fs::read_dir(folder).unwrap() {
+    for entry in folders.iter().flat_map(|f| std::fs::read_dir(f).unwrap()) {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.lines().count() <= 75, "{}: a task is one page", path.display());
@@ -111,7 +111,7 @@ fn our_own_tasks_come_back_and_fit_the_schema_by_name() {
         assert!(task.targets.iter().all(|t| kinds.contains(&t.estimator.kind)));
         count += 1;
     }
-    assert!(count >= 3);
+    assert!(count >= 3 + scenarios::LIBRARY.len());
 }
 
 #[test]
@@ -121,4 +121,25 @@ fn a_task_made_in_code_is_checked_like_a_file() {
     let errors = check(&document, &Registry::standard()).unwrap_err();
     let nearest: Vec<_> = errors.problems.iter().filter_map(|p| p.problem.nearest()).collect();
     assert_eq!(nearest, ["poses"]);
+}
+
+#[test]
+fn scenarios_are_short_checked_tasks_and_know_the_truth_of_every_target() {
+    let registry = Registry::standard();
+    for (name, text) in scenarios::LIBRARY {
+        assert!(text.lines().count() <= 60 && text.starts_with("# "), "{name}: one page with a heading");
+        let document = scenarios::find(name, &[]).unwrap().unwrap();
+        let task = check(&document, &registry).unwrap();
+        assert!(task.targets.iter().all(|t| t.truth.is_some()), "{name}");
+        let cameras = scenarios::cameras(&document, &task, &registry).unwrap();
+        assert!(cameras.iter().all(|c| c.objects.len() == c.camera.world().objects.len()));
+        let recorded = scenarios::recorded(&document, &task, &cameras);
+        assert!(recorded.sensors.iter().all(|s| s.kind == "images"), "{name}");
+        let text = recorded.print();
+        let again =
+            Document::parse("recorded", &text, Path::new(""), &[], &|_| None).unwrap().task().unwrap();
+        assert_eq!(again, recorded, "{name}");
+    }
+    assert!(scenarios::find("no-such-thing", &[]).is_none());
+    assert!(scenarios::find("still", &["seed=x=".to_owned()]).unwrap().unwrap().task().is_err());
 }
