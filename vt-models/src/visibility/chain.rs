@@ -46,7 +46,14 @@ pub(super) struct Place {
     pub ideal: Point2<f64>,
     pub inverse_depth: f64,
     pub p_in_object: Point3<f64>,
+    /// In the ideal image.
+    pub direction: Vector2<f64>,
+    /// In the object frame.
+    pub tangent: Vector3<f64>,
 }
+
+/// A piece that deviates more from the course of its chain is part of a zigzag, as a cosine (8°).
+const ZIGZAG: f64 = 0.99;
 
 /// Largest bend from one piece to the next, as a cosine (60°): beyond it lies a corner.
 const BEND: f64 = 0.5;
@@ -150,19 +157,38 @@ impl Chains {
     }
 
     /// The place at this length along the chain.
-    pub fn at(&self, length: f64) -> Option<Place> {
-        let index = self.walk.partition_point(|s| s.start <= length).saturating_sub(1);
-        let step = self.walk.get(index)?;
+    fn at(&self, length: f64) -> Option<(Point2<f64>, Point3<f64>)> {
+        let step = self.step(length)?;
         let line = &self.pieces[step.piece as usize].line;
         let t = ((length - step.start) / line.length).clamp(0.0, 1.0);
-        let (ideal, inverse_depth, p_in_object) = line.at(if step.forward { t } else { 1.0 - t });
-        Some(Place { piece: step.piece as usize, ideal, inverse_depth, p_in_object })
+        let (ideal, _, p_in_object) = line.at(if step.forward { t } else { 1.0 - t });
+        Some((ideal, p_in_object))
     }
 
-    /// Direction of the chain over `reach` pixels to either side of a place, in the image and in the object.
-    pub fn chord(&self, length: f64, reach: f64) -> Option<(Vector2<f64>, Vector3<f64>)> {
-        let (a, b) = (self.at(length - reach)?, self.at(length + reach)?);
-        let image = (b.ideal - a.ideal).try_normalize(0.0)?;
-        Some((image, (b.p_in_object - a.p_in_object).try_normalize(0.0)?))
+    /// The piece at this length along the chain.
+    fn step(&self, length: f64) -> Option<&Step> {
+        self.walk.get(self.walk.partition_point(|s| s.start <= length).saturating_sub(1))
+    }
+
+    /// The middle of the piece at this length along the chain, with the chain's direction there. That is the direction
+    /// of the piece, which on a regular polygon is that of the curve it stands for; where pieces go zigzag, it is
+    /// the direction of the chord that reaches `reach` pixels to either side.
+    pub fn place(&self, length: f64, reach: f64) -> Option<Place> {
+        let step = self.step(length)?;
+        let line = &self.pieces[step.piece as usize].line;
+        let middle = step.start + 0.5 * line.length;
+        let reach = reach.min(middle).min(self.length - middle);
+        let (a, b) = (self.at(middle - reach)?, self.at(middle + reach)?);
+        let chord = (b.0 - a.0).try_normalize(0.0)?;
+        let own = if step.forward { line.direction } else { -line.direction };
+        let (direction, tangent) = if own.dot(&chord) > ZIGZAG {
+            let ends = [line.at(0.0).2, line.at(1.0).2];
+            (own, (ends[1] - ends[0]) * if step.forward { 1.0 } else { -1.0 })
+        } else {
+            (chord, b.1 - a.1)
+        };
+        let (ideal, inverse_depth, p_in_object) = line.at(0.5);
+        let tangent = tangent.try_normalize(0.0)?;
+        Some(Place { piece: step.piece as usize, ideal, inverse_depth, p_in_object, direction, tangent })
     }
 }

@@ -239,8 +239,7 @@ impl VisibleEdges {
         }
     }
 
-    /// Sites along the chain of short edges that was walked last; its direction is that of the chord over a site's
-    /// share, since single edges of a fine mesh go zigzag.
+    /// Sites along the chain of short edges that was walked last.
     fn chain(&mut self, edges: &EdgeModel, view: &View, camera: &Camera, options: &VisibilityOptions) {
         let length = self.chains.length();
         if length < options.min_length {
@@ -251,15 +250,11 @@ impl VisibleEdges {
         let share = length / n as f64;
         for k in 0..n {
             let at = (k as f64 + 0.5) * share;
-            let Some((place, (direction, tangent))) =
-                self.chains.at(at).zip(self.chains.chord(at, 0.5 * share))
-            else {
-                continue;
-            };
+            let Some(place) = self.chains.place(at, 0.5 * share) else { continue };
             let piece = self.chains.piece(place.piece);
             let Some(edge) = edges.edges().get(piece.edge as usize) else { continue };
-            let (kind, ideal, inverse_depth, p_in_object) =
-                (piece.kind, place.ideal, place.inverse_depth, place.p_in_object);
+            let chain::Place { ideal, inverse_depth, p_in_object, direction, tangent, .. } = place;
+            let kind = piece.kind;
             let across = quarter_turn(&direction);
             // Across the chord a slanting edge would take the wrong side; its own sides tell which is which.
             let own = piece.line.normal();
