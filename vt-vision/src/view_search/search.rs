@@ -1,0 +1,320 @@
+//! From a picture to poses: scan, align, compare, refine, verify.
+
+use std::sync::Arc;
+
+use image::GrayImage;
+use nalgebra::{Point2, Vector6};
+use rayon::prelude::*;
+use vt_core::belief::Gaussian;
+use vt_core::error::{ConfigError, MeasureError};
+use vt_core::evidence::Evidence;
+use vt_core::frame::Frame;
+use vt_core::lie::SE3;
+use vt_core::math;
+use vt_core::measurement::{Level, Modality};
+use vt_models::camera::Camera;
+use vt_models::edges::EdgeModel;
+use vt_models::mesh::Mesh;
+use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptions, VisibleEdges};
+use vt_models::warp::Se3Warp;
+
+use super::alignment::{LevelEdges, Site, Support, align, support};
+use super::orientation_map::{EdgeBits, OrientationMap, resized};
+use super::scan::{self, Hit, scan};
+use super::views::{Views, focal};
+use crate::edge::{EdgeModality, EdgeParams};
+use crate::pyramid::{Pyramid, PyramidProcessing};
+
+/// Parameters of the search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewSearchParams {
+    /// Smallest and largest size of the object, pixels for the diameter of its bounding sphere.
+    pub sizes: [f64; 2],
+    /// Smallest step in grey levels that counts as an edge.
+    pub min_contrast: f64,
+    /// Subdivisions of the icosahedron of views: 2 gives 162 views, 3 gives 642.
+    pub subdivisions: u32,
+    /// Candidates that are aligned, of each size.
+    pub hits: usize,
+    /// Candidates that are compared in detail.
+    pub compared: usize,
+    /// Candidates that are refined by the edge modality.
+    pub refined: usize,
+    /// Least log-likelihood ratio of a pose against chance, nats.
+    pub least_log_ratio: f64,
+    /// Least share of the contour that lies on edges.
+    pub least_share: f64,
+}
+
+impl Default for ViewSearchParams {
+    fn default() -> Self {
+        Self {
+            sizes: [60.0, 800.0],
+            min_contrast: 3.0,
+            subdivisions: 3,
+            hits: 150,
+            compared: 40,
+            refined: 8,
+            least_log_ratio: 25.0,
+            least_share: 0.5,
+        }
+    }
+}
+
+/// Ratio of neighbouring sizes.
+const SIZE_STEP: f64 = 1.2;
+
+/// Contour points with which candidates are aligned first.
+const QUICK: usize = 64;
+
+/// Size of the object on the pyramid level on which it is aligned first: from here to twice as large.
+const ALIGNED_SIZE: f64 = 60.0;
+
+/// A pose found.
+#[derive(Clone, Debug)]
+pub struct FoundPose {
+    /// The pose camera_from_object with a cautious covariance.
+    pub pose: Gaussian<SE3>,
+    /// How far the picture speaks for it.
+    pub support: Support,
+}
+
+/// Searches a model in single pictures, without any prior.
+pub struct ViewSearch {
+    params: ViewSearchParams,
+    mesh: Arc<Mesh>,
+    edges: Arc<EdgeModel>,
+    camera: Camera,
+    views: Views,
+}
+
+/// A pose on its way through the search.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pose: SE3,
+    support: Support,
+}
+
+/// What is made of one picture and needed for all candidates.
+struct Picture<'a> {
+    frame: &'a Frame,
+    levels: Vec<LevelEdges>,
+    pyramid: Pyramid,
+}
+
+impl ViewSearch {
+    /// Prepares all views of a model.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for parameters out of range and for models without extent or edges.
+    pub fn new(
+        mesh: Arc<Mesh>,
+        edges: Arc<EdgeModel>,
+        camera: Camera,
+        params: ViewSearchParams,
+    ) -> Result<Self, ConfigError> {
+        let views = Views::new(&mesh, &edges, &camera, params.sizes, params.subdivisions)?;
+        Ok(Self { params, mesh, edges, camera, views })
+    }
+
+    /// Number of sizes that are searched; see [`ViewSearch::search`].
+    pub fn sizes(&self) -> usize {
+        let [least, most] = self.params.sizes;
+        (math::ln(most / least) / math::ln(SIZE_STEP)).ceil() as usize + 1
+    }
+
+    /// The size with this index, pixels.
+    fn size(&self, index: usize) -> f64 {
+        self.params.sizes[0] * math::pow(SIZE_STEP, index as f64)
+    }
+
+    /// Poses that the picture speaks for, best first, among the sizes with these indices.
+    ///
+    /// # Errors
+    /// [`MeasureError`] when the frame is no grey picture of the camera's size.
+    pub fn search(&self, frame: &Frame, sizes: &[usize]) -> Result<Vec<FoundPose>, MeasureError> {
+        let image = frame.grey()?;
+        if image.dimensions() != self.camera.size() {
+            return Err(MeasureError::Payload {
+                sensor: frame.sensor.0,
+                found: format!("a picture of {} x {} pixels", image.width(), image.height()),
+                expected: format!("one of {} x {}", self.camera.size().0, self.camera.size().1),
+            });
+        }
+        let picture = self.picture(frame, image);
+        let mut candidates: Vec<Candidate> = vec![];
+        for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
+            candidates.extend(self.scan(image, &picture, self.size(index)));
+        }
+        let best = self.distinct(candidates, self.params.compared);
+        let compared = best
+            .par_iter()
+            .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
+            .collect::<Vec<_>>();
+        let best = self.distinct(compared, self.params.refined);
+        let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
+            best.par_iter().map(|c| self.refine(&picture, c)).collect();
+        let mut found: Vec<FoundPose> = refined
+            .into_iter()
+            .flatten()
+            .map(|(c, pose)| FoundPose { pose, support: c.support })
+            .filter(|f| {
+                f.support.log_ratio >= self.params.least_log_ratio
+                    && f.support.share >= self.params.least_share
+            })
+            .collect();
+        found.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
+        Ok(found)
+    }
+
+    fn picture<'a>(&self, frame: &'a Frame, image: &GrayImage) -> Picture<'a> {
+        let mut pyramid = Pyramid::default();
+        let most = self.level(self.params.sizes[1]);
+        pyramid.compute(image, most as usize);
+        let levels = (0..=pyramid.levels.len())
+            .into_par_iter()
+            .map(|l| {
+                let mut level = LevelEdges::default();
+                let picture = if l == 0 { image } else { &pyramid.levels[l - 1] };
+                level.edges.compute(picture, self.params.min_contrast);
+                level.count(l as u32);
+                level
+            })
+            .collect();
+        Picture { frame, levels, pyramid }
+    }
+
+    /// Pyramid level for the first alignment of an object of this size.
+    fn level(&self, size: f64) -> u32 {
+        (0..6).find(|&l| size < 2.0 * ALIGNED_SIZE * f64::from(1_u32 << l)).unwrap_or(6)
+    }
+
+    /// Scans for one size and aligns what was found.
+    fn scan(&self, image: &GrayImage, picture: &Picture<'_>, size: f64) -> Vec<Candidate> {
+        // Unequal focal lengths are made equal.
+        let (fx, fy) = self.camera.focal();
+        let factor = |f: f64| (scan::SIZE / size * focal(&self.camera) / f).min(1.0);
+        let factors = [factor(fx), factor(fy)];
+        let small = resized(image, factors);
+        let (mut edges, mut map) = (EdgeBits::default(), OrientationMap::default());
+        edges.compute(&small, self.params.min_contrast);
+        map.compute(&edges, scan::REACH);
+        let views = self.views.at_size(size);
+        let hits = scan(views, &map, self.params.hits);
+        let level = (self.level(size) as usize).min(picture.levels.len() - 1);
+        let level = &picture.levels[level];
+        let warp = Se3Warp::new(self.camera);
+        let diameter = self.views.diameter;
+        let finish = |hit: &Hit| {
+            let at = [0, 1].map(|k| (hit.at[k] + 0.5) / factors[k] - 0.5);
+            let ray = self.camera.unproject(&Point2::from(at)).ok()?;
+            let view = &views[hit.view];
+            let pose = self.views.pose(view, hit.roll, &ray, size, &self.camera);
+            let sites: Vec<Site> =
+                view.points.iter().map(|p| Site { point: p.point, tangent: p.tangent }).collect();
+            let quick = &sites[..sites.len().min(QUICK)];
+            let pose = align(level, &warp, &pose, quick, diameter);
+            let pixels = size / f64::from(1_u32 << level.level);
+            let spacing = view.length * pixels / sites.len() as f64;
+            let support = support(level, &warp, &pose, &sites, spacing, diameter);
+            Some(Candidate { pose, support })
+        };
+        hits.par_iter().map(finish).collect::<Vec<_>>().into_iter().flatten().collect()
+    }
+
+    /// The `most` candidates with the best support, best first, of which no two are nearly the same pose.
+    fn distinct(&self, mut all: Vec<Candidate>, most: usize) -> Vec<Candidate> {
+        all.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
+        let mut kept: Vec<Candidate> = vec![];
+        for c in all {
+            if kept.len() >= most {
+                break;
+            }
+            if !kept.iter().any(|k| self.same(&k.pose, &c.pose)) {
+                kept.push(c);
+            }
+        }
+        kept
+    }
+
+    /// True for poses that an alignment would join: the body is turned by less than 5° and moved by less than 5 % of
+    /// its size across and 5 % of its distance along the line of sight.
+    fn same(&self, a: &SE3, b: &SE3) -> bool {
+        let (p, q) = (a.act(&self.views.center), b.act(&self.views.center));
+        let near = (p.z / q.z - 1.0).abs() < 0.05;
+        near && (p.coords.normalize() * q.coords.norm() - q.coords).norm() < 0.05 * self.views.diameter
+            && a.rotation.coords.dot(&b.rotation.coords).abs() > 0.999
+    }
+
+    /// Sites visible under a pose on a level, with their spacing in pixels of the level.
+    fn sites(&self, seen: &mut VisibleEdges, pose: &SE3, level: u32) -> (Vec<Site>, f64) {
+        let step = 4.0 * f64::from(1_u32 << level);
+        let options = VisibilityOptions {
+            step,
+            raster_scale: (0.5 / f64::from(1_u32 << level)).max(0.125),
+            near: 1e-3 * self.views.diameter,
+            max_sites: 400,
+            ..VisibilityOptions::default()
+        };
+        seen.update(&self.mesh, &self.edges, &self.camera, pose, &options);
+        let sites = seen.sites();
+        let length: f64 = sites.iter().map(|s| f64::from(s.weight)).sum();
+        let spacing = length / (sites.len() as f64).max(1.0) / f64::from(1_u32 << level);
+        (sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent }).collect(), spacing)
+    }
+
+    /// Aligns again, with what is visible exactly from there.
+    fn compare(&self, picture: &Picture<'_>, seen: &mut VisibleEdges, candidate: &Candidate) -> Candidate {
+        let size = self.views.size(&candidate.pose, &self.camera);
+        let level = (self.level(size) as usize).min(picture.levels.len() - 1);
+        let edges = &picture.levels[level];
+        let warp = Se3Warp::new(self.camera);
+        let (sites, _) = self.sites(seen, &candidate.pose, edges.level);
+        let pose = align(edges, &warp, &candidate.pose, &sites, self.views.diameter);
+        self.judged(picture, seen, pose)
+    }
+
+    fn judged(&self, picture: &Picture<'_>, seen: &mut VisibleEdges, pose: SE3) -> Candidate {
+        let size = self.views.size(&pose, &self.camera);
+        let level = (self.level(size) as usize).min(picture.levels.len() - 1);
+        let edges = &picture.levels[level];
+        let (sites, spacing) = self.sites(seen, &pose, edges.level);
+        let warp = Se3Warp::new(self.camera);
+        Candidate { pose, support: support(edges, &warp, &pose, &sites, spacing, self.views.diameter) }
+    }
+
+    /// Lets the edge modality refine a candidate.
+    fn refine(&self, picture: &Picture<'_>, candidate: &Candidate) -> Option<(Candidate, Gaussian<SE3>)> {
+        let sensor = picture.frame.sensor;
+        let mut evidence = Evidence::default();
+        evidence.add(Box::new(PyramidProcessing::new(sensor, COARSE)));
+        evidence.begin([picture.frame.clone()]);
+        evidence.prepare(&PyramidProcessing::key_for(sensor, COARSE), None).ok()?;
+        let params = EdgeParams { level: Level::Object, coarse_levels: COARSE, ..EdgeParams::default() };
+        let cache = ViewCache::new(VisibilityOptions::default(), ViewThresholds::default());
+        let view = MeshView::new(self.mesh.clone(), self.edges.clone(), self.camera, cache);
+        let warp = Se3Warp::new(self.camera);
+        let mut modality = EdgeModality::new(params, sensor, warp, view, self.views.diameter);
+        let mut pose = candidate.pose;
+        let mut prior = None;
+        for pixels in ROUNDS {
+            let depth = pose.act(&self.views.center).z;
+            let across = pixels * depth / focal(&self.camera);
+            let sigmas = Vector6::from_fn(|k, _| {
+                if k < 3 { 2.0 * across } else { 2.0 * across / self.views.diameter }
+            });
+            let around = Gaussian::from_sigmas(pose, &sigmas);
+            modality.measure(&evidence, &around).ok()??;
+            pose = *modality.object()?.pose();
+            prior = Some(Gaussian { mean: pose, ..around });
+        }
+        let mut seen = VisibleEdges::default();
+        Some((self.judged(picture, &mut seen, pose), prior?))
+    }
+}
+
+/// Pyramid levels on which the edge modality starts.
+const COARSE: u32 = 1;
+
+/// Uncertainty of the pose from one refinement to the next, pixels.
+const ROUNDS: [f64; 3] = [3.0, 1.5, 1.0];
