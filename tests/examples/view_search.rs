@@ -219,7 +219,7 @@ fn overlay(set: &Set, edges: &EdgeModel, case: &Case, found: Option<&FoundPose>)
             canvas.disc([site.pixel.x, site.pixel.y], 1.2, colour, 1.0);
         }
     }
-    Ok(canvas.into_image())
+    Ok(canvas.picture)
 }
 
 /// Pictures at half size, side by side.
@@ -252,6 +252,10 @@ fn measure(set: &Set, out: &Path) -> Result<()> {
     let (mut walls, mut cpus, mut fails, mut passes) = (vec![], vec![], vec![], vec![]);
     for case in &set.cases {
         let begin = (Instant::now(), ProcessTime::now());
+        if std::env::var_os("TRACE").is_some() {
+            *vt_vision::view_search::TRUTH.lock().unwrap() = Some((case.truth * vt_core::lie::SE3::new(UnitQuaternion::identity(), Vector3::zeros()), set.symmetries.clone()));
+            eprintln!("{}", case.name);
+        }
         let found = search.search(&case.frame, &all)?;
         walls.push(begin.0.elapsed().as_secs_f64());
         cpus.push(0.5 * begin.1.elapsed().as_secs_f64());

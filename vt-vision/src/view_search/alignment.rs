@@ -7,8 +7,7 @@ use vt_core::manifold::Manifold;
 use vt_core::math;
 use vt_models::warp::Se3Warp;
 
-use super::orientation_map::{BINS, EdgeBits, bin};
-use super::views::half_turn;
+use super::orientation_map::{FINE, EdgeBits, bin};
 use crate::pyramid::{from_level, to_level};
 
 /// Side of the blocks in which edges are counted, pixels.
@@ -18,7 +17,7 @@ const CELL: usize = 16;
 const SIGMA: f64 = 1.0;
 
 /// Probability that a visible contour point gives no edge.
-const MISS: f64 = 0.3;
+const MISS: f64 = 0.1;
 
 /// Length of contour that speaks for itself, pixels of the level.
 const INDEPENDENT: f64 = 8.0;
@@ -27,7 +26,7 @@ const INDEPENDENT: f64 = 8.0;
 const RANGE: f64 = 12.0;
 
 /// Scales of the residuals from one alignment step to the next, pixels of the level.
-const SCALES: [f64; 9] = [6.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 1.0];
+pub const SCALES: [f64; 9] = [6.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 1.0];
 
 /// `√(2π)`.
 const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
@@ -54,8 +53,8 @@ pub struct LevelEdges {
 }
 
 /// Bits of an orientation and its neighbours.
-fn mask(bin: usize) -> u8 {
-    1 << bin | 1 << (bin + 1) % BINS | 1 << (bin + BINS - 1) % BINS
+fn mask(bin: usize) -> u16 {
+    1 << bin | 1 << (bin + 1) % FINE | 1 << (bin + FINE - 1) % FINE
 }
 
 impl LevelEdges {
@@ -65,7 +64,7 @@ impl LevelEdges {
         let (w, h) = (self.edges.width, self.edges.height);
         let (columns, rows) = (w.div_ceil(CELL), h.div_ceil(CELL));
         self.columns = columns;
-        let mut counts = vec![[0_u32; BINS]; columns * rows];
+        let mut counts = vec![[0_u32; FINE]; columns * rows];
         for (k, &bits) in self.edges.bits.iter().enumerate().filter(|(_, b)| **b != 0) {
             let cell = &mut counts[(k / w / CELL) * columns + k % w / CELL];
             for (o, n) in cell.iter_mut().enumerate() {
@@ -75,7 +74,7 @@ impl LevelEdges {
         self.density.clear();
         for row in 0..rows {
             for column in 0..columns {
-                for o in 0..BINS {
+                for o in 0..FINE {
                     let (mut edges, mut cells) = (0, 0);
                     for r in row.saturating_sub(1)..(row + 2).min(rows) {
                         for c in column.saturating_sub(1)..(column + 2).min(columns) {
@@ -98,10 +97,10 @@ impl LevelEdges {
         if !(at.x > -0.5 && at.y > -0.5 && at.x < w - 0.5 && at.y < h - 0.5) {
             return None;
         }
-        let orientation = bin(half_turn(math::atan2(normal.y, normal.x)));
+        let orientation = bin(math::atan2(normal.y, normal.x), FINE);
         let mask = mask(orientation);
         let (x, y) = ((at.x + 0.5) as usize, (at.y + 0.5) as usize);
-        let density = self.density[((y / CELL) * self.columns + x / CELL) * BINS + orientation];
+        let density = self.density[((y / CELL) * self.columns + x / CELL) * FINE + orientation];
         // Along the row or column nearer to the normal, on which the contour is met at `start`.
         let along_row = normal.x.abs() >= normal.y.abs();
         let (start, across, size, step, line) = if along_row {
@@ -160,12 +159,19 @@ fn each(
 }
 
 /// Aligns the contour of `sites` with the edges by Gauss–Newton steps with a redescending weight (Geman and McClure)
-/// whose scale shrinks. `diameter` is the size of the model.
-pub fn align(level: &LevelEdges, warp: &Se3Warp, pose: &SE3, sites: &[Site], diameter: f64) -> SE3 {
+/// and the given scales. `diameter` is the size of the model.
+pub fn align(
+    level: &LevelEdges,
+    warp: &Se3Warp,
+    pose: &SE3,
+    sites: &[Site],
+    scales: &[f64],
+    diameter: f64,
+) -> SE3 {
     let mut pose = *pose;
     // A step costs as much as residuals of one scale: weakly seen directions stay.
     let prior = Vector6::from_fn(|k, _| if k < 3 { 0.15 * diameter } else { 0.15 });
-    for scale in SCALES {
+    for &scale in scales {
         let mut system = Matrix6::from_diagonal(&prior.map(|s| 1.0 / (s * s)));
         let mut gradient = Vector6::zeros();
         let range = (2.5 * scale).min(RANGE);

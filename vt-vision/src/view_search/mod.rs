@@ -7,4 +7,4 @@ mod search;
 mod views;
 
 pub use alignment::Support;
-pub use search::{FoundPose, ViewSearch, ViewSearchParams};
+pub use search::{TRUTH, FoundPose, ViewSearch, ViewSearchParams};

@@ -8,7 +8,10 @@ use image::{GrayImage, Luma};
 
 use crate::edge_map::EdgeMap;
 
-/// Orientations of a line that are told apart.
+/// Orientations of a line that are told apart in [`EdgeBits`].
+pub const FINE: usize = 16;
+
+/// Orientations that are told apart in the search.
 pub const BINS: usize = 8;
 
 /// Side of the neighbourhood over which an orientation is spread, and distance of the places that are looked at.
@@ -23,10 +26,10 @@ const NEIGHBOUR: u8 = 1;
 /// Positions that are summed together.
 pub const BLOCK: usize = 64;
 
-/// The bin of a line's normal with this angle, 0 to π.
-pub fn bin(angle: f64) -> usize {
+/// The bin, of `bins`, of a line's normal with this angle.
+pub fn bin(angle: f64, bins: usize) -> usize {
     let turn = (angle / core::f64::consts::PI).rem_euclid(1.0);
-    ((turn * BINS as f64) as usize).min(BINS - 1)
+    ((turn * bins as f64) as usize).min(bins - 1)
 }
 
 /// One bit for every orientation of an edge at each pixel of a picture; a pixel without an edge has none.
@@ -37,7 +40,7 @@ pub struct EdgeBits {
     /// Rows.
     pub height: usize,
     /// Bits by rows.
-    pub bits: Vec<u8>,
+    pub bits: Vec<u16>,
     edges: EdgeMap,
 }
 
@@ -50,8 +53,8 @@ impl EdgeBits {
         self.bits.resize(self.width * self.height, 0);
         for (x, y, turn) in self.edges.orientations() {
             // An orientation near the border of a bin belongs to both.
-            let near = |d: f64| 1 << bin((turn + d) * core::f64::consts::PI);
-            self.bits[y * self.width + x] = near(0.0) | near(0.03) | near(-0.03);
+            let near = |d: f64| 1 << bin((turn + d) * core::f64::consts::PI, FINE);
+            self.bits[y * self.width + x] = near(0.0) | near(0.02) | near(-0.02);
         }
     }
 }
@@ -66,6 +69,7 @@ pub struct OrientationMap {
     stride: usize,
     plane: usize,
     answers: Vec<u8>,
+    narrow: Vec<u8>,
     wide: Vec<u8>,
     spread: Vec<u8>,
 }
@@ -84,6 +88,11 @@ fn answers() -> [[u8; 256]; BINS] {
             }
         })
     })
+}
+
+/// Fine orientations as coarse ones.
+fn coarse(fine: u16) -> u8 {
+    (0..BINS).fold(0, |set, k| set | u8::from(fine >> (2 * k) & 3 != 0) << k)
 }
 
 impl OrientationMap {
@@ -109,7 +118,9 @@ impl OrientationMap {
             self.wide.clear();
             self.spread.clear();
         } else {
-            union(&edges.bits, &mut self.wide, 1, w, &|k| k % w);
+            self.narrow.clear();
+            self.narrow.extend(edges.bits.iter().map(|&b| coarse(b)));
+            union(&self.narrow, &mut self.wide, 1, w, &|k| k % w);
             union(&self.wide, &mut self.spread, w, h, &|k| k / w);
         }
         let table = answers();

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use vt_core::math;
 
-use super::orientation_map::{BLOCK, FULL, OrientationMap, bin};
+use super::orientation_map::{BINS, BLOCK, FULL, OrientationMap, bin};
 use super::views::{View, half_turn};
 
 /// Size of the bounding sphere in the searched picture, pixels.
@@ -74,7 +74,7 @@ fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
             let limit = REACH as f64;
             let pixel = |v: f64| (v * SIZE).clamp(-limit, limit).round() as i32;
             let angle = half_turn(f64::from(p.angle) + roll);
-            map.start(bin(angle), pixel(c * x - s * y), pixel(s * x + c * y))
+            map.start(bin(angle, BINS), pixel(c * x - s * y), pixel(s * x + c * y))
         }));
         let mut places = [(0, 0); PLACES];
         let mut least = (LEAST * full) as u8;

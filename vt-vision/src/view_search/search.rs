@@ -18,7 +18,7 @@ use vt_models::mesh::Mesh;
 use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptions, VisibleEdges};
 use vt_models::warp::Se3Warp;
 
-use super::alignment::{LevelEdges, Site, Support, align, support};
+use super::alignment::{LevelEdges, Site, Support, SCALES, align, support};
 use super::orientation_map::{EdgeBits, OrientationMap, resized};
 use super::scan::{self, Hit, scan};
 use super::views::{Views, focal};
@@ -53,7 +53,7 @@ impl Default for ViewSearchParams {
             min_contrast: 3.0,
             subdivisions: 3,
             hits: 150,
-            compared: 40,
+            compared: 80,
             refined: 8,
             least_log_ratio: 25.0,
             least_share: 0.5,
@@ -102,7 +102,28 @@ struct Picture<'a> {
     pyramid: Pyramid,
 }
 
+#[allow(missing_docs)]
+pub static TRUTH: std::sync::Mutex<Option<(SE3, Vec<nalgebra::UnitQuaternion<f64>>)>> = std::sync::Mutex::new(None);
 impl ViewSearch {
+    fn dbg(&self, name: &str, c: &[Candidate]) {
+        if let Some((t, sym)) = TRUTH.lock().unwrap().as_ref() {
+            let mut c = c.to_vec();
+            c.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
+            let mut best = (f64::INFINITY, 0, 0.0,0.0,0.0);
+            let mut first=None;
+            for (k, c) in c.iter().enumerate() {
+                let ang = sym.iter().map(|s| (c.pose.rotation * s).angle_to(&t.rotation).to_degrees()).fold(f64::INFINITY, f64::min);
+                let (p, q) = (c.pose.act(&self.views.center), t.act(&self.views.center));
+                let d = (p - q).norm() / self.views.diameter;
+                let px = (p.xy()/p.z-q.xy()/q.z).norm()*focal(&self.camera);
+                let e = ang / 10.0 + px / 10.0 + (p.z/q.z-1.0).abs()*10.0;
+                let _=d;
+                if ang<10.0 && px<10.0 && (p.z/q.z-1.0).abs()<0.1 && first.is_none() { first=Some((k,c.support.log_ratio)); }
+                if e < best.0 { best = (e, k, ang, px, p.z/q.z); }
+            }
+            eprintln!("   {name}: {} cands, top {:.0}; first near {first:?}; closest rank {} ang {:.1} px {:.1} z {:.3}  llr {:.1}", c.len(), c.first().map_or(0.0,|c|c.support.log_ratio), best.1, best.2, best.3, best.4, c.get(best.1).map_or(0.0,|c|c.support.log_ratio));
+        }
+    }
     /// Prepares all views of a model.
     ///
     /// # Errors
@@ -146,12 +167,17 @@ impl ViewSearch {
         for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
             candidates.extend(self.scan(image, &picture, self.size(index)));
         }
+        self.dbg("aligned", &candidates);
         let best = self.distinct(candidates, self.params.compared);
+        self.dbg("distinct", &best);
+        if let Some(t)=TRUTH.lock().unwrap().as_ref() { let mut seen=VisibleEdges::default(); for k in 0..24 { let _=k; } let c=self.judged(&picture,&mut seen,t.0); eprintln!("   truth support {:?} size {:.0}",c.support,self.views.size(&t.0,&self.camera)); }
         let compared = best
             .par_iter()
             .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
             .collect::<Vec<_>>();
+        self.dbg("compared", &compared);
         let best = self.distinct(compared, self.params.refined);
+        self.dbg("to refine", &best);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
         let mut found: Vec<FoundPose> = refined
@@ -213,7 +239,7 @@ impl ViewSearch {
             let sites: Vec<Site> =
                 view.points.iter().map(|p| Site { point: p.point, tangent: p.tangent }).collect();
             let quick = &sites[..sites.len().min(QUICK)];
-            let pose = align(level, &warp, &pose, quick, diameter);
+            let pose = align(level, &warp, &pose, quick, &SCALES, diameter);
             let pixels = size / f64::from(1_u32 << level.level);
             let spacing = view.length * pixels / sites.len() as f64;
             let support = support(level, &warp, &pose, &sites, spacing, diameter);
@@ -270,14 +296,15 @@ impl ViewSearch {
         let edges = &picture.levels[level];
         let warp = Se3Warp::new(self.camera);
         let (sites, _) = self.sites(seen, &candidate.pose, edges.level);
-        let pose = align(edges, &warp, &candidate.pose, &sites, self.views.diameter);
+        let mut pose = align(edges, &warp, &candidate.pose, &sites, &SCALES[2..], self.views.diameter);
+        for finer in picture.levels[..level].iter().rev() {
+            pose = align(finer, &warp, &pose, &sites, &SCALES[4..], self.views.diameter);
+        }
         self.judged(picture, seen, pose)
     }
 
     fn judged(&self, picture: &Picture<'_>, seen: &mut VisibleEdges, pose: SE3) -> Candidate {
-        let size = self.views.size(&pose, &self.camera);
-        let level = (self.level(size) as usize).min(picture.levels.len() - 1);
-        let edges = &picture.levels[level];
+        let edges = &picture.levels[0];
         let (sites, spacing) = self.sites(seen, &pose, edges.level);
         let warp = Se3Warp::new(self.camera);
         Candidate { pose, support: support(edges, &warp, &pose, &sites, spacing, self.views.diameter) }
