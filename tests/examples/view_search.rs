@@ -182,7 +182,11 @@ fn load(name: &str, arguments: &Arguments) -> Result<Set> {
         "bracket" => {
             let mesh = bracket(0.04);
             let size = 0.12 * mesh.diameter();
-            simulated(name, mesh, Texture::Squares { size, contrast: 0.35 }, arguments.views)
+            // The arms of the L are alike.
+            let swap = Vector3::new(1.0, 1.0, 0.0).normalize() * core::f64::consts::PI;
+            let symmetries = vec![UnitQuaternion::identity(), UnitQuaternion::from_scaled_axis(swap)];
+            let texture = Texture::Squares { size, contrast: 0.35 };
+            Ok(Set { symmetries, ..simulated(name, mesh, texture, arguments.views)? })
         }
         "castle-views" => simulated(name, castle_mesh(images)?, Texture::Faces, arguments.views),
         "teapot" => {
@@ -263,10 +267,14 @@ fn measure(set: &Set, out: &Path) -> Result<()> {
             let [mm, deg] = errors(set, &f.pose.mean, &case.truth);
             mm < 5.0 && deg < 2.0
         };
+        let near = |f: &FoundPose| {
+            let [mm, deg] = errors(set, &f.pose.mean, &case.truth);
+            mm < 50.0 && deg < 15.0
+        };
         let first = found.first();
         good += usize::from(first.is_some_and(right));
         among += usize::from(found.iter().any(right));
-        wrong += usize::from(first.is_some_and(|f| !right(f)));
+        wrong += usize::from(first.is_some_and(|f| !near(f)));
         if first.is_some_and(right) {
             if passes.len() < 8 {
                 passes.push(overlay(set, &edges, case, first)?);

@@ -13,14 +13,14 @@ use crate::pyramid::{from_level, to_level};
 /// Side of the blocks in which edges are counted, pixels.
 const CELL: usize = 16;
 
-/// Deviation of an edge from the contour where the object is, pixels of the level.
-const SIGMA: f64 = 1.0;
-
 /// Probability that a visible contour point gives no edge.
 const MISS: f64 = 0.1;
 
 /// Length of contour that speaks for itself, pixels of the level.
 const INDEPENDENT: f64 = 8.0;
+
+/// What one edge of the model says counts in full up to about here, nats.
+const SATURATION: f64 = 5.0;
 
 /// Farthest edge that is looked for, pixels of the level.
 const RANGE: f64 = 12.0;
@@ -38,6 +38,8 @@ pub struct Site {
     pub point: Point3<f64>,
     /// Direction of the edge, object frame.
     pub tangent: Vector3<f64>,
+    /// Edge of the model.
+    pub edge: u32,
 }
 
 /// Edges of one pyramid level with their density by place and orientation.
@@ -134,7 +136,7 @@ pub struct Support {
     pub looked_for: usize,
 }
 
-/// Calls `f(look, jacobian)` for every site inside the picture; the second is `∂(n · y)/∂δ` in pixels of the level.
+/// Calls `f(site, look, jacobian)` for every site inside the picture; the last is `∂(n · y)/∂δ` in pixels of the level.
 fn each(
     level: &LevelEdges,
     warp: &Se3Warp,
@@ -142,7 +144,7 @@ fn each(
     sites: impl Iterator<Item = Site>,
     probe: f64,
     range: f64,
-    mut f: impl FnMut((Option<f64>, f64), Vector6<f64>),
+    mut f: impl FnMut(&Site, (Option<f64>, f64), Vector6<f64>),
 ) {
     let posed = warp.at(pose);
     let pixel = from_level(1.0, level.level) - from_level(0.0, level.level);
@@ -153,7 +155,7 @@ fn each(
         let normal = Vector2::new(-along.y, along.x);
         let at = Point2::new(to_level(y.x, level.level), to_level(y.y, level.level));
         if let Some(look) = level.look(at, &normal, range) {
-            f(look, j.tr_mul(&normal) / pixel);
+            f(&site, look, j.tr_mul(&normal) / pixel);
         }
     }
 }
@@ -175,7 +177,7 @@ pub fn align(
         let mut system = Matrix6::from_diagonal(&prior.map(|s| 1.0 / (s * s)));
         let mut gradient = Vector6::zeros();
         let range = (2.5 * scale).min(RANGE);
-        each(level, warp, &pose, sites.iter().copied(), 1e-4 * diameter, range, |(found, _), j| {
+        each(level, warp, &pose, sites.iter().copied(), 1e-4 * diameter, range, |_, (found, _), j| {
             if let Some(r) = found {
                 let weight = 1.0 / (1.0 + (r / scale).powi(2)).powi(2) / (scale * scale);
                 system.ger(weight, &j, &j, 1.0);
@@ -192,29 +194,41 @@ pub fn align(
     pose
 }
 
-/// How far the edges speak for `pose`; `spacing` is the length of contour of a site in pixels of the level.
+/// How far the edges speak for `pose`; `spacing` is the length of contour of a site and `sigma` the deviation of an
+/// edge from the contour where the object is, both in pixels of the level.
+///
+/// Long straight edges are all over real scenes: that one of them runs along an edge of the model for long is hardly
+/// less probable than that it does for a while. So what the points of one edge say together counts by its logarithm,
+/// for the pose and against it.
 pub fn support(
     level: &LevelEdges,
     warp: &Se3Warp,
     pose: &SE3,
     sites: &[Site],
     spacing: f64,
+    sigma: f64,
     diameter: f64,
 ) -> Support {
     let mut support = Support::default();
     let mut near = 0;
-    each(level, warp, pose, sites.iter().copied(), 1e-4 * diameter, 4.0 * SIGMA, |(found, density), _| {
-        support.looked_for += 1;
+    let mut said: Vec<(u32, f64)> = Vec::with_capacity(sites.len());
+    let weight = (spacing / INDEPENDENT).min(1.0);
+    each(level, warp, pose, sites.iter().copied(), 1e-4 * diameter, 4.0 * sigma, |site, (found, density), _| {
         let mut ratio = MISS;
         if let Some(r) = found {
-            let there = math::exp(-0.5 * (r / SIGMA).powi(2)) / (SIGMA * SQRT_TAU);
+            let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
             let chance = density * math::pow(1.0 - density, 2.0 * r.abs());
             ratio += (1.0 - MISS) * there / chance;
-            near += usize::from(r.abs() <= 2.0 * SIGMA);
+            near += usize::from(r.abs() <= 2.0 * sigma);
         }
-        support.log_ratio += math::ln(ratio);
+        said.push((site.edge, weight * math::ln(ratio)));
     });
-    support.log_ratio *= (spacing / INDEPENDENT).min(1.0);
+    said.sort_by_key(|(edge, _)| *edge);
+    for points in said.chunk_by(|a, b| a.0 == b.0) {
+        let sum: f64 = points.iter().map(|p| p.1).sum();
+        support.log_ratio += sum.signum() * SATURATION * math::ln_1p(sum.abs() / SATURATION);
+    }
+    support.looked_for = said.len();
     support.share = near as f64 / (support.looked_for as f64).max(1.0);
     support
 }

@@ -53,9 +53,9 @@ impl Default for ViewSearchParams {
             min_contrast: 3.0,
             subdivisions: 3,
             hits: 150,
-            compared: 80,
+            compared: 100,
             refined: 8,
-            least_log_ratio: 25.0,
+            least_log_ratio: 15.0,
             least_share: 0.5,
         }
     }
@@ -168,7 +168,7 @@ impl ViewSearch {
             candidates.extend(self.scan(image, &picture, self.size(index)));
         }
         self.dbg("aligned", &candidates);
-        let best = self.distinct(candidates, self.params.compared);
+        let best = self.distinct(candidates, self.params.compared, 0.5);
         self.dbg("distinct", &best);
         if let Some(t)=TRUTH.lock().unwrap().as_ref() { let mut seen=VisibleEdges::default(); for k in 0..24 { let _=k; } let c=self.judged(&picture,&mut seen,t.0); eprintln!("   truth support {:?} size {:.0}",c.support,self.views.size(&t.0,&self.camera)); }
         let compared = best
@@ -176,7 +176,7 @@ impl ViewSearch {
             .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
             .collect::<Vec<_>>();
         self.dbg("compared", &compared);
-        let best = self.distinct(compared, self.params.refined);
+        let best = self.distinct(compared, self.params.refined, 2.0);
         self.dbg("to refine", &best);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
@@ -237,39 +237,41 @@ impl ViewSearch {
             let view = &views[hit.view];
             let pose = self.views.pose(view, hit.roll, &ray, size, &self.camera);
             let sites: Vec<Site> =
-                view.points.iter().map(|p| Site { point: p.point, tangent: p.tangent }).collect();
+                view.points.iter().map(|p| Site { point: p.point, tangent: p.tangent, edge: p.edge }).collect();
             let quick = &sites[..sites.len().min(QUICK)];
             let pose = align(level, &warp, &pose, quick, &SCALES, diameter);
             let pixels = size / f64::from(1_u32 << level.level);
             let spacing = view.length * pixels / sites.len() as f64;
-            let support = support(level, &warp, &pose, &sites, spacing, diameter);
+            let support = support(level, &warp, &pose, &sites, spacing, 2.0, diameter);
             Some(Candidate { pose, support })
         };
         hits.par_iter().map(finish).collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
-    /// The `most` candidates with the best support, best first, of which no two are nearly the same pose.
-    fn distinct(&self, mut all: Vec<Candidate>, most: usize) -> Vec<Candidate> {
+    /// The `most` candidates with the best support, best first, of which no two are the same pose; `coarseness`
+    /// scales what counts as the same.
+    fn distinct(&self, mut all: Vec<Candidate>, most: usize, coarseness: f64) -> Vec<Candidate> {
         all.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
         let mut kept: Vec<Candidate> = vec![];
         for c in all {
             if kept.len() >= most {
                 break;
             }
-            if !kept.iter().any(|k| self.same(&k.pose, &c.pose)) {
+            if !kept.iter().any(|k| self.same(&k.pose, &c.pose, coarseness)) {
                 kept.push(c);
             }
         }
         kept
     }
 
-    /// True for poses that an alignment would join: the body is turned by less than 5° and moved by less than 5 % of
-    /// its size across and 5 % of its distance along the line of sight.
-    fn same(&self, a: &SE3, b: &SE3) -> bool {
+    /// True for poses that differ by less than `coarseness` times 5° in rotation, 5 % of the size across and 5 % of
+    /// the distance.
+    fn same(&self, a: &SE3, b: &SE3, coarseness: f64) -> bool {
         let (p, q) = (a.act(&self.views.center), b.act(&self.views.center));
-        let near = (p.z / q.z - 1.0).abs() < 0.05;
-        near && (p.coords.normalize() * q.coords.norm() - q.coords).norm() < 0.05 * self.views.diameter
-            && a.rotation.coords.dot(&b.rotation.coords).abs() > 0.999
+        let limit = 0.05 * coarseness;
+        (p.z / q.z - 1.0).abs() < limit
+            && (p.coords.normalize() * q.coords.norm() - q.coords).norm() < limit * self.views.diameter
+            && a.rotation.angle_to(&b.rotation) < 0.087 * coarseness
     }
 
     /// Sites visible under a pose on a level, with their spacing in pixels of the level.
@@ -280,13 +282,14 @@ impl ViewSearch {
             raster_scale: (0.5 / f64::from(1_u32 << level)).max(0.125),
             near: 1e-3 * self.views.diameter,
             max_sites: 400,
+            min_length: 0.5,
             ..VisibilityOptions::default()
         };
         seen.update(&self.mesh, &self.edges, &self.camera, pose, &options);
         let sites = seen.sites();
         let length: f64 = sites.iter().map(|s| f64::from(s.weight)).sum();
         let spacing = length / (sites.len() as f64).max(1.0) / f64::from(1_u32 << level);
-        (sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent }).collect(), spacing)
+        (sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent, edge: s.edge }).collect(), spacing)
     }
 
     /// Aligns again, with what is visible exactly from there.
@@ -307,7 +310,7 @@ impl ViewSearch {
         let edges = &picture.levels[0];
         let (sites, spacing) = self.sites(seen, &pose, edges.level);
         let warp = Se3Warp::new(self.camera);
-        Candidate { pose, support: support(edges, &warp, &pose, &sites, spacing, self.views.diameter) }
+        Candidate { pose, support: support(edges, &warp, &pose, &sites, spacing, 1.0, self.views.diameter) }
     }
 
     /// Lets the edge modality refine a candidate.
@@ -318,7 +321,7 @@ impl ViewSearch {
         evidence.begin([picture.frame.clone()]);
         evidence.prepare(&PyramidProcessing::key_for(sensor, COARSE), None).ok()?;
         let params = EdgeParams { level: Level::Object, coarse_levels: COARSE, ..EdgeParams::default() };
-        let cache = ViewCache::new(VisibilityOptions::default(), ViewThresholds::default());
+        let cache = ViewCache::new(VisibilityOptions { min_length: 0.5, ..VisibilityOptions::default() }, ViewThresholds::default());
         let view = MeshView::new(self.mesh.clone(), self.edges.clone(), self.camera, cache);
         let warp = Se3Warp::new(self.camera);
         let mut modality = EdgeModality::new(params, sensor, warp, view, self.views.diameter);
@@ -336,7 +339,14 @@ impl ViewSearch {
             prior = Some(Gaussian { mean: pose, ..around });
         }
         let mut seen = VisibleEdges::default();
-        Some((self.judged(picture, &mut seen, pose), prior?))
+        let refined = self.judged(picture, &mut seen, pose);
+        let around = prior?;
+        // Among clutter the modality may be led astray.
+        Some(if refined.support.log_ratio > 0.9 * candidate.support.log_ratio {
+            (refined, around)
+        } else {
+            (*candidate, Gaussian { mean: candidate.pose, ..around })
+        })
     }
 }
 
@@ -344,4 +354,4 @@ impl ViewSearch {
 const COARSE: u32 = 1;
 
 /// Uncertainty of the pose from one refinement to the next, pixels.
-const ROUNDS: [f64; 3] = [3.0, 1.5, 1.0];
+const ROUNDS: [f64; 2] = [1.0, 0.7];

@@ -38,6 +38,8 @@ pub struct ContourPoint {
     pub point: Point3<f64>,
     /// Direction of the edge, object frame.
     pub tangent: Vector3<f64>,
+    /// Edge of the model.
+    pub edge: u32,
 }
 
 /// The contour from one direction.
@@ -233,6 +235,8 @@ fn view(
         step: STEP,
         raster_scale: 1.0,
         border: 0.0,
+        // Fine meshes have short edges only.
+        min_length: 0.3,
         max_sites: 2000,
         near: 1e-3 * diameter,
         ..VisibilityOptions::default()
@@ -244,7 +248,7 @@ fn view(
         .filter_map(|site| {
             let angle = normal_angle(site, &camera, &pose, 1e-4 * diameter)?;
             let at = [site.pixel.x, site.pixel.y].map(|c| ((c - middle) / RENDERED) as f32);
-            Some(ContourPoint { at, angle: angle as f32, point: site.p_in_object, tangent: site.tangent })
+            Some(ContourPoint { at, angle: angle as f32, point: site.p_in_object, tangent: site.tangent, edge: site.edge })
         })
         .collect();
     let length = seen.sites().iter().map(|s| f64::from(s.weight)).sum::<f64>() / RENDERED;
