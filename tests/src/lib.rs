@@ -1,5 +1,6 @@
 //! What the tests across crates share.
 
+pub mod basin;
 pub mod data;
 pub mod replay;
 

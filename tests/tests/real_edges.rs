@@ -2,8 +2,12 @@
 
 use std::path::PathBuf;
 
+use nalgebra::Vector6;
 use vt_core::lie::SE3;
+use vt_core::manifold::Manifold;
+use vt_core::random::{Source, Stream};
 use vt_core::report::{Status, StepReport};
+use vt_tests::basin::Basin;
 use vt_tests::data;
 use vt_tests::replay::{Replay, Run};
 
@@ -155,4 +159,32 @@ fn threads_and_repetition_do_not_change_a_bit() {
         assert!(once == with(2), "one and two threads differ");
         assert!(once == with(1), "two runs differ");
     }
+}
+
+/// Starts within 20 mm and 5° (uniform on all axes) of the truth on the castle's frames: nearly all come home in one
+/// frame, and from the truth itself all do.
+#[test]
+fn castle_converges_from_far_starts() {
+    if data::root("VISP_IMAGES").is_none() {
+        return;
+    }
+    let basin = Basin::load(task("castle-simu.toml"), &[]).expect("the task loads");
+    let home = |n: u32, translation: f64, rotation: f64, sigma: [f64; 2]| {
+        let source = Source::new(0, Stream::Sim, 0);
+        let start = |k: u32| {
+            let number = u64::from(k % 40) + 1;
+            let mut random = source.at(number, k);
+            let offset = Vector6::from_fn(|d, _| {
+                (2.0 * random.uniform() - 1.0) * if d < 3 { translation } else { rotation }
+            });
+            let outcome = basin.try_start(number, &basin.truth.0[&number].retract(&offset), sigma);
+            outcome.expect("a step").converged()
+        };
+        (0..n).filter(|&k| start(k)).count()
+    };
+    assert_eq!(home(40, 0.0, 0.0, [0.012, 0.05]), 40);
+    let near = home(80, 0.02, 5f64.to_radians(), [0.012, 0.05]);
+    let far = home(80, 0.04, 10f64.to_radians(), [0.024, 0.1]);
+    println!("{near} of 80 within 20 mm and 5 deg, {far} of 80 within 40 mm and 10 deg");
+    assert!(near >= 76 && far >= 64, "{near} and {far} of 80");
 }

@@ -41,7 +41,7 @@ pub enum MeasureError {
     #[error("evidence `{key}` of sensor {sensor} is missing: no processing of that key ran on this frame")]
     MissingEvidence {
         /// Name of the evidence.
-        key: String,
+        key: std::sync::Arc<str>,
         /// Number of the sensor.
         sensor: u32,
     },
@@ -49,7 +49,7 @@ pub enum MeasureError {
     #[error("evidence `{key}` is not a {expected}")]
     EvidenceType {
         /// Name of the evidence.
-        key: String,
+        key: std::sync::Arc<str>,
         /// Type asked for.
         expected: &'static str,
     },

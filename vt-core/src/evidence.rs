@@ -1,6 +1,7 @@
 //! Model-free evidence: what image processing makes of a frame, once, for all targets and modalities that ask.
 
 use core::any::{Any, type_name};
+use std::sync::Arc;
 
 use crate::error::MeasureError;
 use crate::frame::{Frame, Roi, SensorId};
@@ -11,7 +12,7 @@ pub struct EvidenceKey {
     /// Sensor whose frame is processed.
     pub sensor: SensorId,
     /// Name with parameters, such as `gradient/sigma=1.0`; equal names mean equal results.
-    pub name: String,
+    pub name: Arc<str>,
 }
 
 /// Where a piece of evidence lives. Host and device buffers are different states and are never mixed silently.
@@ -62,14 +63,28 @@ pub trait Processing: Send + Sync {
 #[derive(Default)]
 pub struct Evidence {
     frames: Vec<Frame>,
-    units: Vec<(Box<dyn Processing>, Slot, bool)>,
+    units: Vec<Unit>,
+}
+
+/// A processing unit with what it made.
+struct Unit {
+    processing: Box<dyn Processing>,
+    slot: Slot,
+    state: State,
+}
+
+/// State of a piece of evidence in this step.
+enum State {
+    Stale,
+    Fresh,
+    Failed(MeasureError),
 }
 
 impl Evidence {
     /// Adds a processing unit; one with the key of an earlier unit is dropped, since it would make the same.
     pub fn add(&mut self, unit: Box<dyn Processing>) {
-        if !self.units.iter().any(|(u, ..)| u.key() == unit.key()) {
-            self.units.push((unit, Slot::default(), false));
+        if !self.units.iter().any(|u| u.processing.key() == unit.key()) {
+            self.units.push(Unit { processing: unit, slot: Slot::default(), state: State::Stale });
         }
     }
 
@@ -77,24 +92,26 @@ impl Evidence {
     pub fn begin(&mut self, frames: impl IntoIterator<Item = Frame>) {
         self.frames.clear();
         self.frames.extend(frames);
-        for (.., fresh) in &mut self.units {
-            *fresh = false;
+        for unit in &mut self.units {
+            unit.state = State::Stale;
         }
     }
 
-    /// Computes what is asked for and out of date.
+    /// Computes what is asked for and out of date. A failure is kept, too: whoever reads the evidence gets it.
     ///
     /// # Errors
     /// Those of the processing units; a missing frame or unit.
     pub fn prepare(&mut self, key: &EvidenceKey, roi: Option<Roi>) -> Result<(), MeasureError> {
         let frame = Self::find(&self.frames, key.sensor)?;
-        let unit = self.units.iter_mut().find(|(u, ..)| u.key() == key);
-        let (unit, slot, fresh) = unit.ok_or_else(|| missing(key))?;
-        if !*fresh {
-            unit.run(frame, roi, slot)?;
-            *fresh = true;
+        let unit = self.units.iter_mut().find(|u| u.processing.key() == key).ok_or_else(|| missing(key))?;
+        if matches!(unit.state, State::Stale) {
+            let outcome = unit.processing.run(frame, roi, &mut unit.slot);
+            unit.state = outcome.map_or_else(State::Failed, |()| State::Fresh);
         }
-        Ok(())
+        match &unit.state {
+            State::Failed(e) => Err(e.clone()),
+            _ => Ok(()),
+        }
     }
 
     /// The frame of a sensor.
@@ -113,12 +130,18 @@ impl Evidence {
     /// Evidence made in this step.
     ///
     /// # Errors
-    /// [`MeasureError::MissingEvidence`] when it was not prepared, [`MeasureError::EvidenceType`] when it is no `T`.
+    /// [`MeasureError::MissingEvidence`] when it was not prepared, [`MeasureError::EvidenceType`] when it is no `T`, and
+    /// what kept it from being made.
     pub fn get<T: Any>(&self, key: &EvidenceKey) -> Result<&T, MeasureError> {
-        let unit = self.units.iter().find(|(u, _, fresh)| *fresh && u.key() == key);
-        let (_, slot, _) = unit.ok_or_else(|| missing(key))?;
-        slot.get()
-            .ok_or_else(|| MeasureError::EvidenceType { key: key.name.clone(), expected: type_name::<T>() })
+        let unit = self.units.iter().find(|u| u.processing.key() == key).ok_or_else(|| missing(key))?;
+        match &unit.state {
+            State::Stale => Err(missing(key)),
+            State::Failed(e) => Err(e.clone()),
+            State::Fresh => unit.slot.get().ok_or_else(|| MeasureError::EvidenceType {
+                key: key.name.clone(),
+                expected: type_name::<T>(),
+            }),
+        }
     }
 
     fn find(frames: &[Frame], sensor: SensorId) -> Result<&Frame, MeasureError> {

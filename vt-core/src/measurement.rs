@@ -189,6 +189,12 @@ where
     /// Evidence that must be prepared before `measure`.
     fn needs(&self) -> &[EvidenceKey];
 
+    /// The part of `needs` that is read under this prior.
+    fn needs_near(&self, prior: &Gaussian<P>) -> &[EvidenceKey] {
+        let _ = prior;
+        self.needs()
+    }
+
     /// Part of the sensor's picture that matters under this prior ("restrict search"); `None` for all of it.
     fn region(&self, prior: &Gaussian<P>) -> Option<Roi> {
         let _ = prior;

@@ -134,6 +134,28 @@ fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
+/// Points that fill the unit cube evenly, each next to none before it: an additive recurrence with the powers of the
+/// root of `x^(n+1) = x + 1`, in one dimension the golden ratio (M. Roberts, "The unreasonable effectiveness of
+/// quasirandom sequences", 2018).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LowDiscrepancy {
+    step: f64,
+}
+
+impl LowDiscrepancy {
+    /// The sequence in `n` dimensions.
+    pub fn new(n: usize) -> Self {
+        // A contraction by at least ½ a step.
+        let root = (0..60).fold(1.5, |x, _| crate::math::pow(1.0 + x, 1.0 / (n as f64 + 1.0)));
+        Self { step: 1.0 / root }
+    }
+
+    /// Coordinate `d` of point `k`, in (0, 1); point 0 is the centre.
+    pub fn at(&self, k: u32, d: usize) -> f64 {
+        (0.5 + f64::from(k) * crate::math::pow(self.step, d as f64 + 1.0)).fract().max(f64::EPSILON)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -237,5 +259,23 @@ mod tests {
         }
         assert!(counts.iter().all(|c| (c - 10_000).abs() < 500), "{counts:?}");
         assert_eq!(random.index(0), 0);
+    }
+
+    /// Points of a low-discrepancy sequence fill every box at the centre in proportion to its volume, much better than
+    /// chance (standard deviation √(n p (1 − p))).
+    #[test]
+    fn low_discrepancy_points_fill_the_cube_evenly() {
+        for dims in [1, 2, 3, 6, 12] {
+            let sequence = LowDiscrepancy::new(dims);
+            assert!((0..dims).all(|d| sequence.at(0, d) == 0.5));
+            let side = crate::math::pow(0.5, 1.0 / dims as f64);
+            let inside = |k: u32| (0..dims).all(|d| (sequence.at(k, d) - 0.5).abs() < 0.5 * side);
+            let count = (0..4000).filter(|&k| inside(k)).count() as f64;
+            assert!((count - 2000.0).abs() < 32.0, "{dims} dimensions: {count} of 4000 in half the volume");
+            for d in 0..dims {
+                let low = (0..1000).filter(|&k| sequence.at(k, d) < 0.25).count();
+                assert!(low.abs_diff(250) <= 13, "coordinate {d} of {dims}: {low} of 1000 in a quarter");
+            }
+        }
     }
 }

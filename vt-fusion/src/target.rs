@@ -303,8 +303,11 @@ where
         // Other priors than this one may be tried.
         let anywhere = self.searching();
         for modality in &self.modalities {
-            let region = if anywhere { None } else { modality.region(&prior) };
-            out.extend(modality.needs().iter().map(|key| (key.clone(), region)));
+            let (needs, region) = match anywhere {
+                true => (modality.needs(), None),
+                false => (modality.needs_near(&prior), modality.region(&prior)),
+            };
+            out.extend(needs.iter().map(|key| (key.clone(), region)));
         }
         if let (true, Some(r)) = (anywhere, &self.reinitializer) {
             out.extend(r.needs().iter().map(|key| (key.clone(), None)));

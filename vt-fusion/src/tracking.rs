@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use vt_core::agent::Step;
-use vt_core::error::{EstimateError, MeasureError};
+use vt_core::error::EstimateError;
 use vt_core::evidence::{Evidence, EvidenceKey, Processing};
 use vt_core::frame::{Frame, Roi};
 use vt_core::report::StepReport;
@@ -48,7 +48,10 @@ impl TrackingLoop {
         self.time = self.time.max(Some(now));
         if dt.0 > 0.0 {
             // All of them, whatever becomes of one; the first error in their order.
-            self.targets.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?;
+            match self.targets.as_mut_slice() {
+                [only] => only.predict(dt)?,
+                many => many.par_iter_mut().map(|t| t.predict(dt)).reduce(|| Ok(()), Result::and)?,
+            }
         }
         self.requests.clear();
         for target in &self.targets {
@@ -56,11 +59,8 @@ impl TrackingLoop {
         }
         merge(&mut self.requests);
         for (key, region) in &self.requests {
-            match self.evidence.prepare(key, *region) {
-                // A sensor without a frame in this step is no fault of the step.
-                Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
-                Err(e) => return Err(e.into()),
-            }
+            // What cannot be made (no frame in this step, a picture that does not fit) fails where it is read.
+            let _ = self.evidence.prepare(key, *region);
         }
         let evidence = &self.evidence;
         match self.targets.as_mut_slice() {
@@ -120,9 +120,6 @@ pub enum StepError {
     /// A step needs at least one frame.
     #[error("no frames in this step")]
     NoFrames,
-    /// Evidence could not be made.
-    #[error(transparent)]
-    Measure(#[from] MeasureError),
     /// A prediction failed.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

@@ -161,7 +161,7 @@ impl EdgeMapProcessing {
 
     /// Key under which the [`EdgeMapEvidence`] is found.
     pub fn key_for(sensor: SensorId, min_contrast: f64) -> EvidenceKey {
-        EvidenceKey { sensor, name: format!("edge-map/min_contrast={min_contrast}") }
+        EvidenceKey { sensor, name: format!("edge-map/min_contrast={min_contrast}").into() }
     }
 }
 

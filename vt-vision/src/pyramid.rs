@@ -75,7 +75,7 @@ impl PyramidProcessing {
 
     /// Key under which the pyramid is found.
     pub fn key_for(sensor: SensorId, levels: u32) -> EvidenceKey {
-        EvidenceKey { sensor, name: format!("pyramid/levels={levels}") }
+        EvidenceKey { sensor, name: format!("pyramid/levels={levels}").into() }
     }
 }
 

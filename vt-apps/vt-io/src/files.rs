@@ -59,6 +59,6 @@ pub(crate) fn of_target(folder: &Path, stem: &str, extension: &str, targets: &[S
 }
 
 /// A name without characters that file systems refuse.
-fn file_name(name: &str) -> String {
+pub(crate) fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
 }

@@ -56,6 +56,23 @@ pub enum Conversion {
     Rgb,
 }
 
+fn decode(path: &Path) -> Result<image::DynamicImage, DeviceError> {
+    let fail = |why: String| DeviceError::new(path.display(), why);
+    image::ImageReader::open(path)
+        .and_then(image::ImageReader::with_guessed_format)
+        .map_err(|e| fail(e.to_string()))?
+        .decode()
+        .map_err(|e| fail(format!("{e}; expected a PNG, JPEG or PNM picture")))
+}
+
+/// Reads a PNG, JPEG or PNM picture.
+///
+/// # Errors
+/// [`DeviceError`] that names the file.
+pub fn read_rgb(path: &Path) -> Result<image::RgbImage, DeviceError> {
+    decode(path).map(image::DynamicImage::into_rgb8)
+}
+
 /// Pictures of a folder as a sensor.
 #[derive(Debug)]
 pub struct ImageSequence {
@@ -95,19 +112,14 @@ impl ImageSequence {
     }
 
     fn read(&self, path: &Path) -> Result<Payload, DeviceError> {
-        let fail = |why: String| DeviceError::new(path.display(), why);
-        let picture = image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|e| fail(e.to_string()))?
-            .decode()
-            .map_err(|e| fail(format!("{e}; expected a PNG, JPEG or PNM picture")))?;
+        let picture = decode(path)?;
         let found = [picture.width(), picture.height()];
         if let Some(size) = self.size.filter(|s| *s != found) {
             let why = format!(
                 "{}x{} pixels; expected {}x{} as the camera says",
                 found[0], found[1], size[0], size[1]
             );
-            return Err(fail(why));
+            return Err(DeviceError::new(path.display(), why));
         }
         Ok(match self.conversion {
             Conversion::Grey => Payload::Grey(Arc::new(picture.into_luma8())),

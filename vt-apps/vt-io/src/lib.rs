@@ -5,6 +5,7 @@ pub mod covariances;
 pub mod images;
 pub mod overlay;
 pub mod poses;
+pub mod recording;
 pub mod report;
 pub mod sheet;
 pub mod steps;

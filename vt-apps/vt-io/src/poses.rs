@@ -23,27 +23,33 @@ impl Poses {
     /// # Errors
     /// [`DeviceError`] when a file cannot be made.
     pub fn create(folder: &Path, targets: &[String], lost: bool) -> Result<Self, DeviceError> {
-        let header = "# frame tx ty tz qx qy qz qw (camera_from_object, metres)\n";
-        let file = |k| Lines::create(of_target(folder, "poses", "tum", targets, k), header);
+        let file = |k| Lines::create(of_target(folder, "poses", "tum", targets, k), HEADER);
         Ok(Self { files: (0..targets.len()).map(file).collect::<Result<_, _>>()?, lost })
     }
+}
+
+/// First line of a file of poses.
+pub(crate) const HEADER: &str = "# frame tx ty tz qx qy qz qw (camera_from_object, metres)\n";
+
+/// Adds the line of a pose with the coordinates `tx ty tz qx qy qz qw`.
+pub(crate) fn line(out: &mut String, frame: u64, c: &[f64]) {
+    let sign = if c.get(6).is_some_and(|w| *w < 0.0) { -1.0 } else { 1.0 };
+    let _ = write!(out, "{frame}");
+    for (k, v) in c.iter().enumerate() {
+        let v = if k < 3 { *v } else { sign * v };
+        // Adding zero turns -0 into 0.
+        let _ = write!(out, " {:.9e}", v + 0.0);
+    }
+    out.push('\n');
 }
 
 impl Output for Poses {
     fn step(&mut self, step: &Step<'_>) -> Result<ControlFlow<()>, DeviceError> {
         for (file, report) in self.files.iter_mut().zip(step.reports) {
-            let c = &report.posterior.coordinates;
             if report.posterior.space != "se3" || (report.verdict.status == Status::Lost && !self.lost) {
                 continue;
             }
-            let sign = if c[6] < 0.0 { -1.0 } else { 1.0 };
-            let _ = write!(file.buffer(), "{}", report.frame);
-            for (k, v) in c.iter().enumerate() {
-                let v = if k < 3 { *v } else { sign * v };
-                // Adding zero turns -0 into 0.
-                let _ = write!(file.buffer(), " {:.9e}", v + 0.0);
-            }
-            file.buffer().push('\n');
+            line(file.buffer(), report.frame, &report.posterior.coordinates);
             file.flush()?;
         }
         Ok(ControlFlow::Continue(()))

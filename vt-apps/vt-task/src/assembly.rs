@@ -19,7 +19,7 @@ use vt_models::mesh::Shape;
 
 use crate::document::Document;
 use crate::error::{Problem, TaskErrors};
-use crate::language::{TargetSection, Task};
+use crate::language::{ModelSection, TargetSection, Task};
 use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
@@ -76,12 +76,10 @@ impl Scene {
             sensors: vec![],
             truths: vec![],
             cameras: vec![],
-            shapes: BTreeMap::new(),
+            shapes: shapes(document, task, registry)?,
             appearances: BTreeMap::new(),
         };
         for (k, model) in task.models.iter().enumerate() {
-            let shape = registry.build::<Shapes>(node(document, &format!("models.{k}.shape"))?, place)?;
-            scene.shapes.insert(model.name.clone(), shape);
             let appearance = match document.root().at(&format!("models.{k}.appearance")) {
                 Some(node) => registry.build::<Appearances>(node, place)?,
                 None => AppearanceProduct::Unknown,
@@ -100,6 +98,7 @@ impl Scene {
                 seed: task.seed.into(),
                 camera: camera.as_ref(),
                 shapes: &scene.shapes,
+                simulated: &simulated,
             };
             let product = registry.build::<Sensors>(at, context)?;
             scene.sensors.push(product.sensor);
@@ -174,12 +173,26 @@ impl Scene {
     }
 }
 
-fn node<'a>(document: &'a Document, path: &str) -> Result<&'a Node, ReadError> {
+pub(crate) fn node<'a>(document: &'a Document, path: &str) -> Result<&'a Node, ReadError> {
     let root = document.root();
     root.at(path).ok_or_else(|| {
         let key = path.rsplit('.').next().unwrap_or(path).to_owned();
         ReadError::at(Problem::MissingKey { key }, root.deepest(path).span)
     })
+}
+
+/// Shapes of the models by name.
+pub(crate) fn shapes(
+    document: &Document,
+    task: &Task,
+    registry: &Registry,
+) -> Result<BTreeMap<String, Shape>, ReadError> {
+    let place = Place { base: document.base() };
+    let shape = |(k, model): (usize, &ModelSection)| {
+        let at = node(document, &format!("models.{k}.shape"))?;
+        Ok((model.name.clone(), registry.build::<Shapes>(at, place)?))
+    };
+    task.models.iter().enumerate().map(shape).collect()
 }
 
 impl TargetContext<'_> {

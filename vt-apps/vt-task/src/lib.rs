@@ -13,6 +13,7 @@ pub mod quantity;
 pub mod reader;
 pub mod registry;
 pub mod roles;
+pub mod scenarios;
 pub mod schema;
 pub mod standard;
 

@@ -6,6 +6,7 @@
 use core::marker::PhantomData;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
@@ -20,6 +21,7 @@ use vt_io::summary::Summary;
 use vt_io::truth::Truth;
 use vt_models::camera::Camera;
 use vt_models::mesh::Shape;
+use vt_sim::scene::World;
 
 use crate::language::{FilePath, Level, SensorSection};
 use crate::registry::Role;
@@ -250,14 +252,25 @@ pub struct SensorContext<'a> {
     pub camera: Option<&'a Camera>,
     /// Shapes of the task's models, for simulation.
     pub shapes: &'a BTreeMap<String, Shape>,
+    /// Simulated sensors before this one, by name.
+    pub simulated: &'a BTreeMap<String, Simulation>,
 }
 
 /// A sensor, and the true poses that only a simulated one knows.
 pub struct SensorProduct {
     /// The sensor.
     pub sensor: Box<dyn Sensor>,
-    /// True poses of the model with this name.
-    pub truth: Option<(String, Truth)>,
+    /// What a simulated one knows besides its frames.
+    pub truth: Option<Simulation>,
+}
+
+/// What a simulated sensor knows besides its frames.
+#[derive(Clone)]
+pub struct Simulation {
+    /// What it sees.
+    pub world: Arc<World>,
+    /// True poses of the objects, by the objects' names, in the order of the task.
+    pub truths: Vec<(String, Truth)>,
 }
 
 /// Appearance of a model's surface.
@@ -281,8 +294,8 @@ pub enum AssociationProduct {
 pub struct TruthContext<'a> {
     /// For files.
     pub place: Place<'a>,
-    /// Truth of the simulated sensors by name, each with the model that it shows.
-    pub simulated: &'a BTreeMap<String, (String, Truth)>,
+    /// Simulated sensors by name.
+    pub simulated: &'a BTreeMap<String, Simulation>,
 }
 
 /// What a prior is built from.

@@ -3,4 +3,5 @@
 pub mod interrupt;
 pub mod progress;
 pub mod run;
+pub mod sim;
 pub mod verdict;

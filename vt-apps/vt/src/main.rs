@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use miette::Report;
 use vt::progress::Bar;
 use vt::run::{Options, RunError, run};
+use vt::sim::{SimArgs, SimError};
 use vt_task::{Document, Registry, TaskErrors, check, explain, schema};
 
 /// Model-based visual tracking: run, check and explain task files.
@@ -48,6 +50,8 @@ enum Command {
         #[command(flatten)]
         task: TaskArgs,
     },
+    /// Records a simulated scenario: pictures, truth, and a task that tracks them.
+    Sim(SimArgs),
     /// Prints the JSON Schema of task files.
     Schema,
     /// Lists all methods that tasks can choose.
@@ -90,6 +94,15 @@ fn main() -> ExitCode {
         Command::Explain { task } => {
             checked(&task, &registry).map(|t| print!("{}", explain::explain(&t, &registry)))
         }
+        Command::Sim(sim) => match sim.run(&registry) {
+            Ok(shown) => {
+                print!("{shown}");
+                Ok(())
+            }
+            Err(SimError::Task(e)) => Err(e.into()),
+            Err(SimError::Device(e)) => Err(e.into()),
+            Err(e) => Cli::command().error(ErrorKind::InvalidValue, e).exit(),
+        },
         Command::Run { task, out, threads, max_frames, quiet } => {
             let out = out.unwrap_or_else(|| Path::new("out").join(task.task.file_stem().unwrap_or_default()));
             start(&task, &registry, out, threads, max_frames, quiet)

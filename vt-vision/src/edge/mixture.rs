@@ -68,6 +68,8 @@ where
     pub(super) edges: Vec<LineEdge>,
     /// Scale of the residuals, pixels.
     pub(super) sigma: f64,
+    /// `q`: probability of a miss.
+    pub(super) miss: f64,
     /// `q λ`: miss probability times clutter density.
     pub(super) clutter: f64,
 }
@@ -130,8 +132,9 @@ impl<P: Manifold, W: Warp<P, Body = Point3<f64>>> EdgeMixture<P, W>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    pub(super) fn new(warp: W, sigma: f64, clutter: f64) -> Self {
-        Self { warp, lines: vec![], edges: vec![], sigma, clutter }
+    /// Scale of the residuals `sigma`, probability `miss` of a miss, and `density` clutter edges a pixel.
+    pub(super) fn new(warp: W, sigma: f64, miss: f64, density: f64) -> Self {
+        Self { warp, lines: vec![], edges: vec![], sigma, miss, clutter: miss * density }
     }
 
     /// The vote of `line` for a contour at position `u` with scale `sigma`.
@@ -166,6 +169,28 @@ where
         }
         out.information.fill_upper_triangle_with_lower_triangle();
         total
+    }
+
+    /// Log-likelihood ratio of a pose against clutter with scale `sigma`, and the share of the contour that an edge
+    /// supports. Lines without an edge count against the pose, so that poses with different lines compare.
+    pub(super) fn compare(&self, at: &P, sigma: f64) -> (f64, f64) {
+        let posed = self.warp.at(at);
+        let miss = math::ln(self.miss);
+        let (mut score, mut support, mut weight) = (0.0, 0.0, 0.0);
+        for line in &self.lines {
+            let Some(y) = posed.locate(&line.point) else { continue };
+            let vote = self.vote(line, line.normal.dot(&y.coords), sigma);
+            score += line.weight * (math::ln(vote.ratio) + miss);
+            support += line.weight * vote.probability;
+            weight += line.weight;
+        }
+        (score, if weight > 0.0 { support / weight } else { 0.0 })
+    }
+
+    /// Root mean square motion of the lines' contour points along their normals under a change of pose, pixels.
+    pub(super) fn motion(&self, delta: &Tangent<P>) -> f64 {
+        let squares: f64 = self.lines.iter().map(|l| l.jacobian.dot(delta).powi(2)).sum();
+        (squares / (self.lines.len() as f64).max(1.0)).sqrt()
     }
 
     /// Support of a pose by the lines.

@@ -1,6 +1,7 @@
 //! Edge modality: the contour of a model against the edges of a picture, at three levels (paper Fig. 4).
 
 mod features;
+mod locate;
 mod memory;
 mod mixture;
 mod modality;

@@ -40,6 +40,8 @@ pub struct EdgeParams {
     pub iterations: usize,
     /// Most pyramid levels above the full picture, used where the prediction is uncertain by more than the range.
     pub coarse_levels: u32,
+    /// Most starts spread over a prediction that is uncertain by more than the longest range.
+    pub starts: u32,
     /// Divisor of the pixel-level log-likelihood (temperature), since neighbouring normals are not independent.
     pub temperature: f64,
 }
@@ -58,7 +60,8 @@ impl Default for EdgeParams {
             correlation_length: 16.0,
             searches: 3,
             iterations: 8,
-            coarse_levels: 0,
+            coarse_levels: 3,
+            starts: 24,
             temperature: 1.0,
         }
     }
@@ -101,6 +104,7 @@ impl EdgeParams {
             ("searches", self.searches, 1, 20),
             ("iterations", self.iterations, 1, 100),
             ("coarse_levels", self.coarse_levels as usize, 0, 6),
+            ("starts", self.starts as usize, 1, 1000),
         ] {
             if !(low..=high).contains(&v) {
                 return Err(ConfigError::parameter(key, v, format!("{low} to {high}")));

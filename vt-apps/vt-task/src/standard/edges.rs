@@ -53,6 +53,8 @@ pub struct Edges {
     pub iterations: usize,
     /// Most pyramid levels above the full picture.
     pub coarse_levels: u32,
+    /// Most starts where the prediction is uncertain by more than the longest range.
+    pub starts: u32,
     /// Divisor of the log-likelihood at pixel level.
     pub temperature: f64,
     /// Distance of sites along a visible edge.
@@ -86,6 +88,7 @@ impl Default for Edges {
             searches: p.searches,
             iterations: p.iterations,
             coarse_levels: p.coarse_levels,
+            starts: p.starts,
             temperature: p.temperature,
             step: pixels(v.step),
             max_sites: v.max_sites,
@@ -112,6 +115,7 @@ impl Edges {
             searches: self.searches,
             iterations: self.iterations,
             coarse_levels: self.coarse_levels,
+            starts: self.starts,
             temperature: self.temperature,
         }
         .check()

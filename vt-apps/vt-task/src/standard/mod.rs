@@ -1,11 +1,13 @@
 //! The methods of this project; adding one is one line here.
 
+pub mod bodies;
 pub mod edges;
 pub mod estimator;
 pub mod init;
 pub mod loss;
 pub mod motion;
 pub mod output;
+pub mod scene;
 pub mod sensor;
 pub mod shape;
 pub mod simulation;
@@ -42,8 +44,17 @@ impl Registry {
             .with(Method::<Shapes>::new(
                 "bracket",
                 "three cubic cells in an L, made in code",
-                simulation::bracket,
+                bodies::bracket,
             ))
+            .with(Method::<Shapes>::new(
+                "house",
+                "house with dormer and chimney, made in code",
+                bodies::house,
+            ))
+            .with(Method::<Shapes>::new("stairs", "four steps with a cheek, made in code", bodies::stairs))
+            .with(Method::<Shapes>::new("wedge", "wedge with a slot, made in code", bodies::wedge))
+            .with(Method::<Shapes>::new("tee", "flat T with a boss, made in code", bodies::tee))
+            .with(Method::<Shapes>::new("cuboid", "box, made in code", bodies::cuboid))
             .with(Method::<Appearances>::new("unknown", "nothing is known of the surface", unknown))
             .with(Method::<Warps<SE3>>::new("se3", "rigid body before a calibrated camera", warp::rigid))
             .with(Method::<Motions<SE3>>::new("brownian", "random walk of the pose", motion::brownian))

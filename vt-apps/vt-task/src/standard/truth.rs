@@ -29,6 +29,9 @@ impl Params for TruthFile {
 pub struct SimulatedTruth {
     /// Name of the simulated sensor.
     pub sensor: String,
+    /// Name of the object; the first one of the scene when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object: Option<String>,
 }
 
 impl Params for SimulatedTruth {
@@ -50,8 +53,15 @@ pub(super) fn matrices(p: TruthFile, context: TruthContext<'_>) -> Result<Truth,
 }
 
 pub(super) fn simulated(p: SimulatedTruth, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
-    context.simulated.get(&p.sensor).map(|(_, truth)| truth.clone()).ok_or_else(|| ConfigError::Mismatch {
+    let simulation = context.simulated.get(&p.sensor).ok_or_else(|| ConfigError::Mismatch {
         found: format!("sensor `{}`, which knows no truth", p.sensor),
         expected: "a sensor of kind `simulated`".into(),
+    })?;
+    let mut truths = simulation.truths.iter();
+    let found = truths.find(|(name, _)| p.object.as_ref().is_none_or(|o| o == name));
+    found.map(|(_, truth)| truth.clone()).ok_or_else(|| {
+        let names: Vec<_> = simulation.truths.iter().map(|(name, _)| format!("`{name}`")).collect();
+        let found = format!("`{}`", p.object.unwrap_or_default());
+        ConfigError::parameter("object", found, format!("an object of the scene ({})", names.join(", ")))
     })
 }
