@@ -72,7 +72,14 @@ fn castle_mesh(images: &Path) -> Result<Mesh> {
     Ok(load_mesh(images.join("mbt-depth/Castle-simu/Models/chateau.wrl"), Unit::Metre)?)
 }
 
-fn replayed(name: &str, task: &str, mesh: Mesh, camera: Camera, every: usize, truth: Option<&Truth>) -> Result<Set> {
+fn replayed(
+    name: &str,
+    task: &str,
+    mesh: Mesh,
+    camera: Camera,
+    every: usize,
+    truth: Option<&Truth>,
+) -> Result<Set> {
     let replay = Replay::load(Path::new("vt-apps/tasks").join(task), &[])?;
     let poses = match truth {
         Some(truth) => truth.0.clone(),
@@ -214,9 +221,7 @@ fn overlay(set: &Set, edges: &EdgeModel, case: &Case, found: Option<&FoundPose>)
     let mut canvas = Canvas::of_grey(case.frame.grey()?);
     let mut seen = VisibleEdges::default();
     let options = VisibilityOptions { step: 3.0, max_sites: 3000, ..VisibilityOptions::default() };
-    for (pose, colour) in
-        [(Some(&case.truth), [0, 200, 80]), (found.map(|f| &f.pose.mean), [255, 140, 0])]
-    {
+    for (pose, colour) in [(Some(&case.truth), [0, 200, 80]), (found.map(|f| &f.pose.mean), [255, 140, 0])] {
         let Some(pose) = pose else { continue };
         seen.update(&set.mesh, edges, &set.camera, pose, &options);
         for site in seen.sites() {
@@ -236,7 +241,8 @@ fn sheet(pictures: &[RgbImage], columns: u32) -> RgbImage {
         for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
             let mut sum = [0_u32; 3];
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let p = picture.get_pixel((2 * x + dx).min(picture.width() - 1), (2 * y + dy).min(picture.height() - 1));
+                let p = picture
+                    .get_pixel((2 * x + dx).min(picture.width() - 1), (2 * y + dy).min(picture.height() - 1));
                 (0..3).for_each(|c| sum[c] += u32::from(p[c]));
             }
             out.put_pixel(left + x, top + y, image::Rgb(sum.map(|s| (s / 4) as u8)));
@@ -256,10 +262,6 @@ fn measure(set: &Set, out: &Path) -> Result<()> {
     let (mut walls, mut cpus, mut fails, mut passes) = (vec![], vec![], vec![], vec![]);
     for case in &set.cases {
         let begin = (Instant::now(), ProcessTime::now());
-        if std::env::var_os("TRACE").is_some() {
-            *vt_vision::view_search::TRUTH.lock().unwrap() = Some((case.truth * vt_core::lie::SE3::new(UnitQuaternion::identity(), Vector3::zeros()), set.symmetries.clone()));
-            eprintln!("{}", case.name);
-        }
         let found = search.search(&case.frame, &all)?;
         walls.push(begin.0.elapsed().as_secs_f64());
         cpus.push(0.5 * begin.1.elapsed().as_secs_f64());
@@ -286,7 +288,12 @@ fn measure(set: &Set, out: &Path) -> Result<()> {
             let rank = found.iter().position(right);
             println!(
                 "  {}: {:.1} mm {:.1} deg, {:.0} nats, share {:.2}; the right one is {rank:?} of {}",
-                case.name, e[0], e[1], f.support.log_ratio, f.support.share, found.len()
+                case.name,
+                e[0],
+                e[1],
+                f.support.log_ratio,
+                f.support.share,
+                found.len()
             );
         } else {
             println!("  {}: nothing found", case.name);
@@ -316,7 +323,9 @@ fn main() -> Result<()> {
     let arguments = Arguments::parse();
     let names = ["castle", "cube", "bracket", "castle-views", "teapot", "head"].map(String::from);
     let chosen = if arguments.sets.is_empty() { names.to_vec() } else { arguments.sets.clone() };
-    println!("| set | first is right | among those found | wrong | wall | CPU / 2 | preparation (CPU / 2) |\n|---|---|---|---|---|---|---|");
+    println!(
+        "| set | first is right | among those found | wrong | wall | CPU / 2 | preparation (CPU / 2) |\n|---|---|---|---|---|---|---|"
+    );
     for name in &chosen {
         measure(&load(name, &arguments)?, &arguments.out)?;
     }

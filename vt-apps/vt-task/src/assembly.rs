@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
-use vt_core::agent::{LossDetector, Output, Sensor};
-use vt_core::belief::{Gaussian, Triple};
+use vt_core::agent::{LossDetector, Output, Reinitializer, Sensor};
+use vt_core::belief::Triple;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
 use vt_core::manifold::{Alloc, Coordinates, Tangent};
@@ -24,9 +24,9 @@ use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
-    AppearanceProduct, Appearances, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
-    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, Reinits, SensorContext,
-    Sensors, Shapes, TruthContext, Truths, Warps,
+    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
+    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, ReinitContext, Reinits,
+    SensorContext, Sensors, Shapes, Start, TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -226,6 +226,32 @@ impl TargetContext<'_> {
     }
 }
 
+impl TargetContext<'_> {
+    /// The search of views, where it is made for the pose space and the body has edges in a calibrated picture.
+    fn default_reinitializer<P: Coordinates>(
+        &self,
+        context: ReinitContext<'_, P>,
+    ) -> Result<Option<Box<dyn Reinitializer<P>>>, ReadError>
+    where
+        DefaultAllocator: Alloc<P::D>,
+    {
+        let edges = self.task.targets[self.index].modalities.iter().any(|m| m.kind == "edges");
+        let known = self
+            .registry
+            .listings()
+            .iter()
+            .any(|l| l.key == "reinit" && l.kind == "views" && l.spaces.contains(&P::SPACE));
+        if !(edges && known && context.body.camera.is_some()) {
+            return Ok(None);
+        }
+        let text = "kind = \"views\"";
+        let Ok(document) = Document::parse("default", text, self.document.base(), &[], &|_| None) else {
+            return Ok(None);
+        };
+        self.registry.build::<Reinits<P>>(document.root(), context).map(Some)
+    }
+}
+
 /// Without a loss detector a target counts as tracked.
 struct NeverLost;
 
@@ -275,14 +301,23 @@ where
     }
 
     let frames = c.first_frames;
+    let index = sensors.first().map_or(0, |s: &SensorId| s.0 as usize);
+    let body = Body {
+        sensor: SensorId(index as u32),
+        camera: c.scene.cameras.get(index).and_then(Option::as_ref),
+        shape: &c.scene.shapes[&section.model],
+    };
     let first = frames.iter().find(|f| sensors.contains(&f.sensor)).or(frames.first());
     let init = InitContext {
+        body,
+        frames,
         place: c.place(),
         truth: c.scene.truths[c.index].as_ref(),
         first_frame: first.map_or(0, |f| f.number),
         freedom: &freedom,
     };
-    let prior: Gaussian<P> = registry.build::<Inits<P>>(node(document, &format!("{path}.init"))?, init)?;
+    let start: Start<P> = registry.build::<Inits<P>>(node(document, &format!("{path}.init"))?, init)?;
+    let prior = start.prior;
     let motion =
         registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
     let context =
@@ -290,7 +325,11 @@ where
     let estimator =
         registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
     let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
-    let reinitializer = c.optional::<Reinits<P>>("reinit", &prior)?;
+    let reinit = || ReinitContext { prior: start.known.then_some(&prior), body };
+    let reinitializer = match c.optional::<Reinits<P>>("reinit", reinit())? {
+        None if section.loss.is_some() => c.default_reinitializer(reinit())?,
+        given => given,
+    };
     c.optional::<Fusions>("fusion", ())?;
 
     // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.
@@ -301,5 +340,6 @@ where
     });
     let target =
         Target::new(section.name.clone(), sensors, modalities, estimator, loss, reinitializer, scale);
+    let target = if start.known { target } else { target.beginning_lost() };
     Ok(BuiltTarget { target: Box::new(target), processing })
 }

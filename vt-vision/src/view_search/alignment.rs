@@ -7,7 +7,7 @@ use vt_core::manifold::Manifold;
 use vt_core::math;
 use vt_models::warp::Se3Warp;
 
-use super::orientation_map::{FINE, EdgeBits, bin};
+use super::orientation_map::{EdgeBits, FINE, bin};
 use crate::pyramid::{from_level, to_level};
 
 /// Side of the blocks in which edges are counted, pixels.
@@ -119,7 +119,8 @@ impl LevelEdges {
             // Both sides in turn, the nearer one first.
             let p = nearest as i64 + (k + 1) / 2 * if k % 2 == 1 { side } else { -side };
             let inside = p >= 0 && p < size as i64;
-            (inside && self.edges.bits[line + p as usize * step] & mask != 0).then(|| (p as f64 - start) * across)
+            (inside && self.edges.bits[line + p as usize * step] & mask != 0)
+                .then(|| (p as f64 - start) * across)
         });
         Some((found, f64::from(density)))
     }
@@ -213,16 +214,24 @@ pub fn support(
     let mut near = 0;
     let mut said: Vec<(u32, f64)> = Vec::with_capacity(sites.len());
     let weight = (spacing / INDEPENDENT).min(1.0);
-    each(level, warp, pose, sites.iter().copied(), 1e-4 * diameter, 4.0 * sigma, |site, (found, density), _| {
-        let mut ratio = MISS;
-        if let Some(r) = found {
-            let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
-            let chance = density * math::pow(1.0 - density, 2.0 * r.abs());
-            ratio += (1.0 - MISS) * there / chance;
-            near += usize::from(r.abs() <= 2.0 * sigma);
-        }
-        said.push((site.edge, weight * math::ln(ratio)));
-    });
+    each(
+        level,
+        warp,
+        pose,
+        sites.iter().copied(),
+        1e-4 * diameter,
+        4.0 * sigma,
+        |site, (found, density), _| {
+            let mut ratio = MISS;
+            if let Some(r) = found {
+                let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
+                let chance = density * math::pow(1.0 - density, 2.0 * r.abs());
+                ratio += (1.0 - MISS) * there / chance;
+                near += usize::from(r.abs() <= 2.0 * sigma);
+            }
+            said.push((site.edge, weight * math::ln(ratio)));
+        },
+    );
     said.sort_by_key(|(edge, _)| *edge);
     for points in said.chunk_by(|a, b| a.0 == b.0) {
         let sum: f64 = points.iter().map(|p| p.1).sum();

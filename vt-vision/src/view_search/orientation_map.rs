@@ -105,15 +105,16 @@ impl OrientationMap {
         self.stride = self.columns + 2 * self.border;
         self.plane = self.stride * (self.rows + 2 * self.border) + BLOCK;
         // The union over −1, 0, 1, 2 pixels, along rows and then along columns.
-        let union = |from: &[u8], to: &mut Vec<u8>, step: usize, length: usize, place: &dyn Fn(usize) -> usize| {
-            to.clear();
-            to.extend((0..from.len()).map(|k| {
-                let at = place(k);
-                let first = at.saturating_sub(SPREAD / 2 - 1);
-                let last = (at + SPREAD / 2).min(length - 1);
-                (first..=last).fold(0, |set, p| set | from[k + p * step - at * step])
-            }));
-        };
+        let union =
+            |from: &[u8], to: &mut Vec<u8>, step: usize, length: usize, place: &dyn Fn(usize) -> usize| {
+                to.clear();
+                to.extend((0..from.len()).map(|k| {
+                    let at = place(k);
+                    let first = at.saturating_sub(SPREAD / 2 - 1);
+                    let last = (at + SPREAD / 2).min(length - 1);
+                    (first..=last).fold(0, |set, p| set | from[k + p * step - at * step])
+                }));
+            };
         if w == 0 || h == 0 {
             self.wide.clear();
             self.spread.clear();
@@ -167,8 +168,7 @@ impl OrientationMap {
 
     /// True for a position and its eight neighbours.
     pub fn near(&self, a: usize, b: usize) -> bool {
-        let ((ax, ay), (bx, by)) =
-            ((a % self.stride, a / self.stride), (b % self.stride, b / self.stride));
+        let ((ax, ay), (bx, by)) = ((a % self.stride, a / self.stride), (b % self.stride, b / self.stride));
         ax.abs_diff(bx) <= 1 && ay.abs_diff(by) <= 1
     }
 

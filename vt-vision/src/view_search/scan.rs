@@ -39,7 +39,13 @@ pub struct Hit {
 }
 
 /// Sums at `BLOCK` positions that exceed the weakest kept place of this template.
-fn keep(places: &mut [(u8, usize); PLACES], least: &mut u8, sums: &[u8; BLOCK], first: usize, map: &OrientationMap) {
+fn keep(
+    places: &mut [(u8, usize); PLACES],
+    least: &mut u8,
+    sums: &[u8; BLOCK],
+    first: usize,
+    map: &OrientationMap,
+) {
     for (k, &sum) in sums.iter().enumerate() {
         if sum <= *least || map.pixel(first + k).is_none() {
             continue;
@@ -96,9 +102,11 @@ pub fn scan(views: &[View], map: &OrientationMap, most: usize) -> Vec<Hit> {
     let mut hits: Vec<Hit> =
         views.par_iter().enumerate().flat_map_iter(|(k, view)| places_of(k, view, map)).collect();
     hits.sort_by(|a, b| {
-        b.score.total_cmp(&a.score).then(a.view.cmp(&b.view)).then(a.roll.total_cmp(&b.roll)).then(
-            a.at[1].total_cmp(&b.at[1]).then(a.at[0].total_cmp(&b.at[0])),
-        )
+        b.score
+            .total_cmp(&a.score)
+            .then(a.view.cmp(&b.view))
+            .then(a.roll.total_cmp(&b.roll))
+            .then(a.at[1].total_cmp(&b.at[1]).then(a.at[0].total_cmp(&b.at[0])))
     });
     let rotation = |h: &Hit| {
         nalgebra::UnitQuaternion::from_scaled_axis(nalgebra::Vector3::z() * h.roll) * views[h.view].rotation

@@ -18,7 +18,7 @@ use vt_models::mesh::Mesh;
 use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptions, VisibleEdges};
 use vt_models::warp::Se3Warp;
 
-use super::alignment::{LevelEdges, Site, Support, SCALES, align, support};
+use super::alignment::{LevelEdges, SCALES, Site, Support, align, support};
 use super::orientation_map::{EdgeBits, OrientationMap, resized};
 use super::scan::{self, Hit, scan};
 use super::views::{Views, focal};
@@ -61,6 +61,39 @@ impl Default for ViewSearchParams {
     }
 }
 
+impl ViewSearchParams {
+    /// Checks all ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Parameter`] with the first parameter that is out of its range.
+    pub fn check(self) -> Result<Self, ConfigError> {
+        let [least, most] = self.sizes;
+        if !(least >= scan::SIZE && least <= most && most <= 1e4) {
+            let expected = format!("ascending from at least {} px to at most 10000 px", scan::SIZE);
+            return Err(ConfigError::parameter("sizes", format!("[{least}, {most}]"), expected));
+        }
+        for (key, v) in [("min_contrast", self.min_contrast), ("least_log_ratio", self.least_log_ratio)] {
+            if !(v > 0.0 && v.is_finite()) {
+                return Err(ConfigError::parameter(key, v, "a positive number"));
+            }
+        }
+        if !(0.0..=1.0).contains(&self.least_share) {
+            return Err(ConfigError::parameter("least_share", self.least_share, "a share from 0 to 1"));
+        }
+        for (key, v, low, high) in [
+            ("subdivisions", self.subdivisions as usize, 0, 4),
+            ("hits", self.hits, 1, 10_000),
+            ("compared", self.compared, 1, 10_000),
+            ("refined", self.refined, 1, 1000),
+        ] {
+            if !(low..=high).contains(&v) {
+                return Err(ConfigError::parameter(key, v, format!("{low} to {high}")));
+            }
+        }
+        Ok(self)
+    }
+}
+
 /// Ratio of neighbouring sizes.
 const SIZE_STEP: f64 = 1.2;
 
@@ -99,31 +132,9 @@ struct Candidate {
 struct Picture<'a> {
     frame: &'a Frame,
     levels: Vec<LevelEdges>,
-    pyramid: Pyramid,
 }
 
-#[allow(missing_docs)]
-pub static TRUTH: std::sync::Mutex<Option<(SE3, Vec<nalgebra::UnitQuaternion<f64>>)>> = std::sync::Mutex::new(None);
 impl ViewSearch {
-    fn dbg(&self, name: &str, c: &[Candidate]) {
-        if let Some((t, sym)) = TRUTH.lock().unwrap().as_ref() {
-            let mut c = c.to_vec();
-            c.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
-            let mut best = (f64::INFINITY, 0, 0.0,0.0,0.0);
-            let mut first=None;
-            for (k, c) in c.iter().enumerate() {
-                let ang = sym.iter().map(|s| (c.pose.rotation * s).angle_to(&t.rotation).to_degrees()).fold(f64::INFINITY, f64::min);
-                let (p, q) = (c.pose.act(&self.views.center), t.act(&self.views.center));
-                let d = (p - q).norm() / self.views.diameter;
-                let px = (p.xy()/p.z-q.xy()/q.z).norm()*focal(&self.camera);
-                let e = ang / 10.0 + px / 10.0 + (p.z/q.z-1.0).abs()*10.0;
-                let _=d;
-                if ang<10.0 && px<10.0 && (p.z/q.z-1.0).abs()<0.1 && first.is_none() { first=Some((k,c.support.log_ratio)); }
-                if e < best.0 { best = (e, k, ang, px, p.z/q.z); }
-            }
-            eprintln!("   {name}: {} cands, top {:.0}; first near {first:?}; closest rank {} ang {:.1} px {:.1} z {:.3}  llr {:.1}", c.len(), c.first().map_or(0.0,|c|c.support.log_ratio), best.1, best.2, best.3, best.4, c.get(best.1).map_or(0.0,|c|c.support.log_ratio));
-        }
-    }
     /// Prepares all views of a model.
     ///
     /// # Errors
@@ -134,6 +145,7 @@ impl ViewSearch {
         camera: Camera,
         params: ViewSearchParams,
     ) -> Result<Self, ConfigError> {
+        let params = params.check()?;
         let views = Views::new(&mesh, &edges, &camera, params.sizes, params.subdivisions)?;
         Ok(Self { params, mesh, edges, camera, views })
     }
@@ -147,6 +159,16 @@ impl ViewSearch {
     /// The size with this index, pixels.
     fn size(&self, index: usize) -> f64 {
         self.params.sizes[0] * math::pow(SIZE_STEP, index as f64)
+    }
+
+    /// Indices of all sizes, the one of `pose` first and the others by how far they are from it.
+    pub fn order(&self, pose: &SE3) -> Vec<usize> {
+        let size = self.views.size(pose, &self.camera);
+        let index = math::ln(size / self.params.sizes[0]) / math::ln(SIZE_STEP);
+        let index = if index.is_finite() { index } else { 0.0 };
+        let mut all: Vec<usize> = (0..self.sizes()).collect();
+        all.sort_by(|&a, &b| (a as f64 - index).abs().total_cmp(&(b as f64 - index).abs()));
+        all
     }
 
     /// Poses that the picture speaks for, best first, among the sizes with these indices.
@@ -167,17 +189,12 @@ impl ViewSearch {
         for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
             candidates.extend(self.scan(image, &picture, self.size(index)));
         }
-        self.dbg("aligned", &candidates);
         let best = self.distinct(candidates, self.params.compared, 0.5);
-        self.dbg("distinct", &best);
-        if let Some(t)=TRUTH.lock().unwrap().as_ref() { let mut seen=VisibleEdges::default(); for k in 0..24 { let _=k; } let c=self.judged(&picture,&mut seen,t.0); eprintln!("   truth support {:?} size {:.0}",c.support,self.views.size(&t.0,&self.camera)); }
         let compared = best
             .par_iter()
             .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
             .collect::<Vec<_>>();
-        self.dbg("compared", &compared);
         let best = self.distinct(compared, self.params.refined, 2.0);
-        self.dbg("to refine", &best);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
         let mut found: Vec<FoundPose> = refined
@@ -207,7 +224,7 @@ impl ViewSearch {
                 level
             })
             .collect();
-        Picture { frame, levels, pyramid }
+        Picture { frame, levels }
     }
 
     /// Pyramid level for the first alignment of an object of this size.
@@ -236,8 +253,11 @@ impl ViewSearch {
             let ray = self.camera.unproject(&Point2::from(at)).ok()?;
             let view = &views[hit.view];
             let pose = self.views.pose(view, hit.roll, &ray, size, &self.camera);
-            let sites: Vec<Site> =
-                view.points.iter().map(|p| Site { point: p.point, tangent: p.tangent, edge: p.edge }).collect();
+            let sites: Vec<Site> = view
+                .points
+                .iter()
+                .map(|p| Site { point: p.point, tangent: p.tangent, edge: p.edge })
+                .collect();
             let quick = &sites[..sites.len().min(QUICK)];
             let pose = align(level, &warp, &pose, quick, &SCALES, diameter);
             let pixels = size / f64::from(1_u32 << level.level);
@@ -289,7 +309,10 @@ impl ViewSearch {
         let sites = seen.sites();
         let length: f64 = sites.iter().map(|s| f64::from(s.weight)).sum();
         let spacing = length / (sites.len() as f64).max(1.0) / f64::from(1_u32 << level);
-        (sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent, edge: s.edge }).collect(), spacing)
+        (
+            sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent, edge: s.edge }).collect(),
+            spacing,
+        )
     }
 
     /// Aligns again, with what is visible exactly from there.
@@ -321,7 +344,10 @@ impl ViewSearch {
         evidence.begin([picture.frame.clone()]);
         evidence.prepare(&PyramidProcessing::key_for(sensor, COARSE), None).ok()?;
         let params = EdgeParams { level: Level::Object, coarse_levels: COARSE, ..EdgeParams::default() };
-        let cache = ViewCache::new(VisibilityOptions { min_length: 0.5, ..VisibilityOptions::default() }, ViewThresholds::default());
+        let cache = ViewCache::new(
+            VisibilityOptions { min_length: 0.5, ..VisibilityOptions::default() },
+            ViewThresholds::default(),
+        );
         let view = MeshView::new(self.mesh.clone(), self.edges.clone(), self.camera, cache);
         let warp = Se3Warp::new(self.camera);
         let mut modality = EdgeModality::new(params, sensor, warp, view, self.views.diameter);
@@ -330,9 +356,12 @@ impl ViewSearch {
         for pixels in ROUNDS {
             let depth = pose.act(&self.views.center).z;
             let across = pixels * depth / focal(&self.camera);
-            let sigmas = Vector6::from_fn(|k, _| {
-                if k < 3 { 2.0 * across } else { 2.0 * across / self.views.diameter }
-            });
+            let sigmas =
+                Vector6::from_fn(
+                    |k, _| {
+                        if k < 3 { 2.0 * across } else { 2.0 * across / self.views.diameter }
+                    },
+                );
             let around = Gaussian::from_sigmas(pose, &sigmas);
             modality.measure(&evidence, &around).ok()??;
             pose = *modality.object()?.pose();

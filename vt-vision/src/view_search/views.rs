@@ -118,11 +118,8 @@ fn looking(toward_camera: &Vector3<f64>) -> UnitQuaternion<f64> {
     helper[z.iamin()] = 1.0;
     let x = helper.cross(&z).normalize();
     let y = z.cross(&x);
-    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_rows(&[
-        x.transpose(),
-        y.transpose(),
-        z.transpose(),
-    ]));
+    let rotation =
+        Rotation3::from_matrix_unchecked(Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]));
     UnitQuaternion::from_rotation_matrix(&rotation)
 }
 
@@ -159,8 +156,9 @@ impl Views {
             .iter()
             .map(|size| {
                 let distance = diameter * focal / size;
-                let render =
-                    |edges_seen: &mut VisibleEdges, d| view(edges_seen, mesh, edges, center, diameter, distance, d);
+                let render = |edges_seen: &mut VisibleEdges, d| {
+                    view(edges_seen, mesh, edges, center, diameter, distance, d)
+                };
                 directions
                     .par_iter()
                     .map_init(VisibleEdges::default, render)
@@ -184,11 +182,6 @@ impl Views {
         let ratio = |k: usize| (self.sizes[k] / size).max(size / self.sizes[k]);
         let nearest = (0..self.sizes.len()).min_by(|&a, &b| ratio(a).total_cmp(&ratio(b)));
         nearest.map_or(&[], |k| &self.views[k])
-    }
-
-    /// Number of views of all sizes.
-    pub fn count(&self) -> usize {
-        self.views.iter().map(Vec::len).sum()
     }
 
     /// The pose under which `view`, turned by `roll` about its line of sight, is seen in the direction `ray` of the
@@ -248,7 +241,13 @@ fn view(
         .filter_map(|site| {
             let angle = normal_angle(site, &camera, &pose, 1e-4 * diameter)?;
             let at = [site.pixel.x, site.pixel.y].map(|c| ((c - middle) / RENDERED) as f32);
-            Some(ContourPoint { at, angle: angle as f32, point: site.p_in_object, tangent: site.tangent, edge: site.edge })
+            Some(ContourPoint {
+                at,
+                angle: angle as f32,
+                point: site.p_in_object,
+                tangent: site.tangent,
+                edge: site.edge,
+            })
         })
         .collect();
     let length = seen.sites().iter().map(|s| f64::from(s.weight)).sum::<f64>() / RENDERED;
@@ -273,9 +272,8 @@ pub(super) fn half_turn(angle: f64) -> f64 {
 fn spread(all: &[ContourPoint], count: usize) -> Vec<ContourPoint> {
     let square = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
     let mut gap: Vec<f32> = vec![f32::INFINITY; all.len()];
-    let mut next = (0..all.len()).max_by(|&a, &b| {
-        square(all[a].at, [0.0; 2]).total_cmp(&square(all[b].at, [0.0; 2])).then(b.cmp(&a))
-    });
+    let mut next = (0..all.len())
+        .max_by(|&a, &b| square(all[a].at, [0.0; 2]).total_cmp(&square(all[b].at, [0.0; 2])).then(b.cmp(&a)));
     let mut chosen = vec![];
     while let Some(k) = next.filter(|_| chosen.len() < count) {
         chosen.push(all[k]);
