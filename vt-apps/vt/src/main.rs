@@ -36,9 +36,6 @@ enum Command {
         /// Ends after so many frames.
         #[arg(long, value_name = "N")]
         max_frames: Option<usize>,
-        /// Method that gives the first pose of every target, instead of that of the task: `auto` searches the picture.
-        #[arg(long, value_name = "KIND")]
-        init: Option<String>,
         /// Shows no progress and no summary.
         #[arg(long)]
         quiet: bool,
@@ -78,13 +75,6 @@ impl TaskArgs {
         let seed = self.seed.map(|s| format!("seed={s}"));
         Document::load(&self.task, &self.set.iter().cloned().chain(seed).collect::<Vec<_>>())
     }
-
-    /// Gives every target the init of this kind, with its default parameters.
-    fn initialise_by(&mut self, kind: &str) -> Result<(), TaskErrors> {
-        let targets = self.document()?.task()?.targets.len();
-        self.set.extend((0..targets).map(|k| format!("targets.{k}.init={{ kind = {kind:?} }}")));
-        Ok(())
-    }
 }
 
 fn main() -> ExitCode {
@@ -113,10 +103,9 @@ fn main() -> ExitCode {
             Err(SimError::Device(e)) => Err(e.into()),
             Err(e) => Cli::command().error(ErrorKind::InvalidValue, e).exit(),
         },
-        Command::Run { mut task, out, threads, max_frames, init, quiet } => {
+        Command::Run { task, out, threads, max_frames, quiet } => {
             let out = out.unwrap_or_else(|| Path::new("out").join(task.task.file_stem().unwrap_or_default()));
-            init.map_or(Ok(()), |kind| task.initialise_by(&kind).map_err(RunError::from))
-                .and_then(|()| start(&task, &registry, out, threads, max_frames, quiet))
+            start(&task, &registry, out, threads, max_frames, quiet)
         }
     };
     match result {
