@@ -76,6 +76,8 @@ where
                 pose = pose.retract(&(root * offset));
             }
             if !self.converge(image, pyramid, start, &mut pose, &prior.covariance, root) {
+                // It left no lines, those of the best start included.
+                current = false;
                 continue;
             }
             let mixture = &self.features.mixture;
