@@ -28,6 +28,7 @@ use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 pub use num_dual::Dual64;
 pub use proptest;
 
+mod damage;
 mod derivative;
 mod dynamics;
 mod group;
@@ -35,6 +36,7 @@ mod manifold;
 mod measurement;
 mod warp;
 
+pub use damage::{Damage, damage};
 pub use derivative::{Blocks, block, compare, difference_jacobian, dual_jacobian};
 pub use dynamics::{check_composition, check_dynamics};
 pub use group::{Sample, check_group, group, lift};
@@ -56,8 +58,15 @@ pub fn for_each<S: Strategy>(strategy: S, check: impl Fn(S::Value))
 where
     S::Value: Debug,
 {
-    let config =
-        Config { cases: CASES, failure_persistence: None, max_shrink_iters: 32, ..Config::default() };
+    for_cases(CASES, strategy, check);
+}
+
+/// As [`for_each`], with so many cases.
+pub fn for_cases<S: Strategy>(cases: u32, strategy: S, check: impl Fn(S::Value))
+where
+    S::Value: Debug,
+{
+    let config = Config { cases, failure_persistence: None, max_shrink_iters: 32, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
     let outcome = runner.run(&strategy, |value| {
         check(value);

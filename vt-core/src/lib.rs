@@ -5,6 +5,7 @@ pub mod belief;
 pub mod dynamics;
 pub mod error;
 pub mod evidence;
+pub mod file;
 pub mod frame;
 #[cfg(feature = "laws")]
 pub mod laws;

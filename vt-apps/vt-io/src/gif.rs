@@ -11,7 +11,7 @@ use image::imageops::{self, FilterType};
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
 
-use crate::files::folder_of;
+use crate::files::replace;
 use crate::overlay::Drawing;
 
 /// Last byte of every GIF.
@@ -48,9 +48,9 @@ pub struct Gif {
     index: u64,
 }
 
-/// The file, with an encoder whose bytes are taken over after every frame.
+/// The file, there from the first frame on, with an encoder whose bytes are taken over after every frame.
 struct Open {
-    file: File,
+    file: Option<File>,
     encoder: Encoder<Vec<u8>>,
     size: [u32; 2],
     bytes: u64,
@@ -74,12 +74,11 @@ impl Gif {
         if self.open.is_none() {
             let size = [picture.width(), picture.height()]
                 .map(|n| (f64::from(n) * self.settings.scale).round().max(1.0) as u32);
-            folder_of(&self.path)?;
-            self.open = Some(Open::new(&self.path, size).map_err(fail)?);
+            self.open = Some(Open::new(size).map_err(fail)?);
         }
         match &mut self.open {
             Some(open) if open.bytes < self.settings.max_bytes => {
-                open.add(picture, self.settings.delay).map_err(fail)
+                open.add(&self.path, picture, self.settings.delay).map_err(fail)
             }
             _ => Ok(()),
         }
@@ -91,17 +90,16 @@ fn text(e: impl core::fmt::Display) -> String {
 }
 
 impl Open {
-    fn new(path: &Path, size: [u32; 2]) -> Result<Self, String> {
+    fn new(size: [u32; 2]) -> Result<Self, String> {
         let narrow = |n: u32| {
             u16::try_from(n).map_err(|_| format!("{n} pixels; expected at most 65535 a side, see `scale`"))
         };
-        let file = File::create(path).map_err(text)?;
         let mut encoder = Encoder::new(vec![], narrow(size[0])?, narrow(size[1])?, &[]).map_err(text)?;
         encoder.set_repeat(Repeat::Infinite).map_err(text)?;
-        Ok(Self { file, encoder, size, bytes: 0 })
+        Ok(Self { file: None, encoder, size, bytes: 0 })
     }
 
-    fn add(&mut self, picture: &RgbImage, delay: f64) -> Result<(), String> {
+    fn add(&mut self, path: &Path, picture: &RgbImage, delay: f64) -> Result<(), String> {
         let [width, height] = self.size;
         let resized;
         let pixels = if picture.dimensions() == (width, height) {
@@ -116,9 +114,19 @@ impl Open {
         self.encoder.write_frame(&frame).map_err(|e: EncodingError| text(e))?;
         let mut content = core::mem::take(self.encoder.get_mut());
         content.push(TRAILER);
-        // Over the trailer that ended the file until now.
-        let written = self.file.seek(SeekFrom::Start(self.bytes)).and_then(|_| self.file.write_all(&content));
-        written.and_then(|()| self.file.flush()).map_err(text)?;
+        match &mut self.file {
+            None => {
+                replace(path, &content).map_err(|e| e.why)?;
+                self.file = Some(File::options().write(true).open(path).map_err(text)?);
+            }
+            // The byte that goes over the old trailer comes last, so that the file is whole at every moment.
+            Some(file) => {
+                for (from, part) in [(1, &content[1..]), (0, &content[..1])] {
+                    let moved = file.seek(SeekFrom::Start(self.bytes + from));
+                    moved.and_then(|_| file.write_all(part)).map_err(text)?;
+                }
+            }
+        }
         self.bytes += content.len() as u64 - 1;
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Pictures of a folder as a sensor.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -7,6 +8,8 @@ use vt_core::agent::Sensor;
 use vt_core::error::DeviceError;
 use vt_core::frame::{Frame, Payload, SensorId};
 use vt_core::time::Timestamp;
+
+use crate::picture::decode;
 
 /// Which files.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,23 +59,6 @@ pub enum Conversion {
     Rgb,
 }
 
-fn decode(path: &Path) -> Result<image::DynamicImage, DeviceError> {
-    let fail = |why: String| DeviceError::new(path.display(), why);
-    image::ImageReader::open(path)
-        .and_then(image::ImageReader::with_guessed_format)
-        .map_err(|e| fail(e.to_string()))?
-        .decode()
-        .map_err(|e| fail(format!("{e}; expected a PNG, JPEG or PNM picture")))
-}
-
-/// Reads a PNG, JPEG or PNM picture.
-///
-/// # Errors
-/// [`DeviceError`] that names the file.
-pub fn read_rgb(path: &Path) -> Result<image::RgbImage, DeviceError> {
-    decode(path).map(image::DynamicImage::into_rgb8)
-}
-
 /// Pictures of a folder as a sensor.
 #[derive(Debug)]
 pub struct ImageSequence {
@@ -80,12 +66,13 @@ pub struct ImageSequence {
     frames: Vec<(PathBuf, u64, Timestamp)>,
     next: usize,
     conversion: Conversion,
+    /// That of the camera, else of the first picture.
     size: Option<[u32; 2]>,
 }
 
 impl ImageSequence {
-    /// Looks for the files; pictures are read one by one later. With `size` (columns, rows) pictures of another size
-    /// are errors.
+    /// Looks for the files; pictures are read one by one later. Pictures of another size than `size` (columns, rows),
+    /// or without it than the first, are errors.
     ///
     /// # Errors
     /// [`DeviceError`] that names the file or folder.
@@ -111,16 +98,9 @@ impl ImageSequence {
         Ok(Self { id, frames, next: 0, conversion, size })
     }
 
-    fn read(&self, path: &Path) -> Result<Payload, DeviceError> {
-        let picture = decode(path)?;
-        let found = [picture.width(), picture.height()];
-        if let Some(size) = self.size.filter(|s| *s != found) {
-            let why = format!(
-                "{}x{} pixels; expected {}x{} as the camera says",
-                found[0], found[1], size[0], size[1]
-            );
-            return Err(DeviceError::new(path.display(), why));
-        }
+    fn read(&mut self, path: &Path) -> Result<Payload, DeviceError> {
+        let picture = decode(path, self.size)?;
+        self.size.get_or_insert([picture.width(), picture.height()]);
         Ok(match self.conversion {
             Conversion::Grey => Payload::Grey(Arc::new(picture.into_luma8())),
             Conversion::Rgb => Payload::Rgb(Arc::new(picture.into_rgb8())),
@@ -130,8 +110,8 @@ impl ImageSequence {
 
 impl Sensor for ImageSequence {
     fn next(&mut self) -> Result<Option<Frame>, DeviceError> {
-        let Some((path, number, time)) = self.frames.get(self.next) else { return Ok(None) };
-        let frame = Frame { sensor: self.id, number: *number, time: *time, payload: self.read(path)? };
+        let Some((path, number, time)) = self.frames.get(self.next).cloned() else { return Ok(None) };
+        let frame = Frame { sensor: self.id, number, time, payload: self.read(&path)? };
         self.next += 1;
         Ok(Some(frame))
     }
@@ -141,12 +121,15 @@ impl Sensor for ImageSequence {
     }
 }
 
+/// Widest number of a pattern.
+const WIDEST: usize = 32;
+
 /// Splits `Image_%04d.pgm` into prefix, width and suffix.
 fn split(pattern: &str) -> Option<(&str, usize, &str)> {
     let (prefix, rest) = pattern.split_once('%')?;
     let (width, suffix) = rest.split_once('d')?;
     let width = if width.is_empty() { 0 } else { width.parse().ok()? };
-    (!suffix.contains('%')).then_some((prefix, width, suffix))
+    (!suffix.contains('%') && width <= WIDEST).then_some((prefix, width, suffix))
 }
 
 fn numbered(
@@ -238,9 +221,9 @@ fn moments(files: &[(PathBuf, u64)], times: &Times) -> Result<Vec<Timestamp>, De
         Times::File(path) => path,
     };
     let read = crate::timestamps::read(path)?;
-    let by_number = read.iter().all(|(n, _)| n.is_some());
-    let found: Option<Vec<Timestamp>> = if by_number {
-        files.iter().map(|(_, n)| read.iter().find(|(m, _)| *m == Some(*n)).map(|r| r.1)).collect()
+    let numbered: BTreeMap<u64, Timestamp> = read.iter().filter_map(|(n, t)| Some(((*n)?, *t))).collect();
+    let found: Option<Vec<Timestamp>> = if numbered.len() == read.len() {
+        files.iter().map(|(_, n)| numbered.get(n).copied()).collect()
     } else {
         (read.len() >= files.len()).then(|| read.iter().take(files.len()).map(|r| r.1).collect())
     };

@@ -6,6 +6,7 @@ pub mod files;
 pub mod gif;
 pub mod images;
 pub mod overlay;
+pub mod picture;
 pub mod plot;
 pub mod poses;
 pub mod recording;

@@ -1,8 +1,10 @@
 //! Times of the frames of a recorded sequence.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use vt_core::error::DeviceError;
+use vt_core::file::MOST;
 use vt_core::time::Timestamp;
 
 /// Reads a file of times: one number of seconds a line, or `frame seconds`; `#` starts a comment.
@@ -10,8 +12,9 @@ use vt_core::time::Timestamp;
 /// # Errors
 /// [`DeviceError`] that names the file and the line.
 pub fn read(path: &Path) -> Result<Vec<(Option<u64>, Timestamp)>, DeviceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
+    let text = vt_core::file::read_text(path, MOST).map_err(|e| DeviceError::new(path.display(), e))?;
     let mut out = vec![];
+    let mut numbers = BTreeSet::new();
     for (k, line) in text.lines().enumerate() {
         let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
         let fail = |found: &str| {
@@ -23,7 +26,14 @@ pub fn read(path: &Path) -> Result<Vec<(Option<u64>, Timestamp)>, DeviceError> {
         match words[..] {
             [] => {}
             [s] => out.push((None, Timestamp::from_seconds(seconds(s)?))),
-            [n, s] => out.push((Some(n.parse().map_err(|_| fail(n))?), Timestamp::from_seconds(seconds(s)?))),
+            [n, s] => {
+                let number = n.parse().map_err(|_| fail(n))?;
+                if !numbers.insert(number) {
+                    let why = format!("line {}: second time of frame {number}; expected one", k + 1);
+                    return Err(DeviceError::new(path.display(), why));
+                }
+                out.push((Some(number), Timestamp::from_seconds(seconds(s)?)));
+            }
             _ => return Err(fail(line)),
         }
     }

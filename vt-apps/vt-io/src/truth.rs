@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Matrix6, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use vt_core::error::DeviceError;
+use vt_core::file::MOST;
 use vt_core::lie::SE3;
 use vt_core::manifold::Coordinates;
 
@@ -16,15 +17,19 @@ impl Truth {
     /// Reads `frame tx ty tz qx qy qz qw` lines (blanks or commas between the numbers, `#` starts a comment).
     ///
     /// # Errors
-    /// [`DeviceError`] that names the file and the line.
+    /// [`DeviceError`] that names the file and the line; a frame with two different poses is an error.
     pub fn read_tum(path: &Path) -> Result<Self, DeviceError> {
         let mut poses = BTreeMap::new();
         for (line, v) in rows(path)? {
             let frame = numbered(path, line, &v, "tx ty tz qx qy qz qw", 7)?;
-            let pose = from_quaternion(&v[1..]).ok_or_else(|| {
-                DeviceError::new(path.display(), format!("line {line}: expected a quaternion of length 1"))
-            })?;
-            poses.insert(frame, pose);
+            let fail = |why: String| DeviceError::new(path.display(), format!("line {line}: {why}"));
+            let length = || v[4..].iter().map(|q| q * q).sum::<f64>().sqrt();
+            let pose = from_quaternion(&v[1..])
+                .ok_or_else(|| fail(format!("a quaternion of length {}; expected 1", length())))?;
+            // Pictures that are played to and fro have their pose twice.
+            if poses.insert(frame, pose).is_some_and(|before| before != pose) {
+                return Err(fail(format!("another pose of frame {frame}; expected one")));
+            }
         }
         Ok(Self(poses))
     }
@@ -41,8 +46,11 @@ impl Truth {
             let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
             let digits = stem.rsplit(|c: char| !c.is_ascii_digit()).find(|s| !s.is_empty());
             let number = digits.and_then(|d| d.parse().ok());
-            if let (Some(n), true) = (number, path.extension().is_some_and(|e| e == "txt")) {
-                poses.insert(n, read_pose(&path)?);
+            if let (Some(n), true) = (number, path.extension().is_some_and(|e| e == "txt"))
+                && poses.insert(n, read_pose(&path)?).is_some()
+            {
+                let why = format!("second pose of frame {n}; expected one");
+                return Err(DeviceError::new(path.display(), why));
             }
         }
         if poses.is_empty() {
@@ -69,7 +77,7 @@ pub fn read_estimates(path: &Path) -> Result<BTreeMap<u64, Option<SE3>>, DeviceE
         if estimates.insert(frame, SE3::read(&v[1..])).is_some() {
             return Err(DeviceError::new(
                 path.display(),
-                format!("line {line}: second pose of frame {frame}"),
+                format!("line {line}: second pose of frame {frame}; expected one"),
             ));
         }
     }
@@ -106,8 +114,9 @@ fn numbered(path: &Path, line: usize, row: &[f64], rest: &str, n: usize) -> Resu
         return Err(fail(format!("{} numbers; expected {}: frame {rest}", row.len(), n + 1)));
     }
     match row[0] {
-        frame if frame >= 0.0 && frame.fract() == 0.0 => Ok(frame as u64),
-        frame => Err(fail(format!("frame {frame}; expected a whole number from 0"))),
+        // From 2^53, some 9.007e15, on there are gaps between the numbers.
+        frame if (0.0..9e15).contains(&frame) && frame.fract() == 0.0 => Ok(frame as u64),
+        frame => Err(fail(format!("frame {frame}; expected a whole number from 0 to 9e15"))),
     }
 }
 
@@ -170,7 +179,7 @@ fn rows(path: &Path) -> Result<Vec<(usize, Vec<f64>)>, DeviceError> {
 
 /// Lines of numbers, infinite ones and NaN too, with their line numbers from 1.
 fn numbers(path: &Path) -> Result<Vec<(usize, Vec<f64>)>, DeviceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
+    let text = vt_core::file::read_text(path, MOST).map_err(|e| DeviceError::new(path.display(), e))?;
     let mut out = vec![];
     for (k, line) in text.lines().enumerate() {
         let words = line.split('#').next().unwrap_or_default();

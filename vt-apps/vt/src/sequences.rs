@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use vt_core::error::DeviceError;
+use vt_core::file::MOST;
 use vt_io::summary::Statistics;
 use vt_task::{Document, Registry};
 
@@ -73,16 +74,25 @@ pub fn find(folder: &Path) -> Result<Vec<Sequence>, SequencesError> {
 }
 
 fn camera(path: &Path) -> Result<[String; 4], DeviceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| DeviceError::new(path.display(), e))?;
+    let text = vt_core::file::read_text(path, MOST).map_err(|e| DeviceError::new(path.display(), e))?;
     let words: Vec<&str> = text.split_whitespace().collect();
-    let numbers = words.iter().all(|w| w.parse::<f64>().is_ok_and(f64::is_finite));
-    match words[..] {
-        [fx, fy, cx, cy, _, _] if numbers => Ok([fx, fy, cx, cy].map(str::to_owned)),
-        _ => {
-            let why = "expected six numbers: fx fy cx cy width height";
-            Err(DeviceError::new(path.display(), why))
-        }
+    let fail = |found: String, expected: &str| {
+        Err(DeviceError::new(path.display(), format!("found {found}; expected {expected}")))
+    };
+    let [fx, fy, cx, cy, width, height] = words[..] else {
+        return fail(format!("{} words", words.len()), "six numbers: fx fy cx cy width height");
+    };
+    let number = |w: &str| w.parse::<f64>().ok().filter(|v| v.is_finite());
+    if let Some(bad) = [fx, fy, cx, cy].into_iter().find(|w| number(w).is_none()) {
+        return fail(format!("`{bad}`"), "a finite number (fx fy cx cy width height)");
     }
+    if let Some(bad) = [fx, fy].into_iter().find(|w| number(w).is_none_or(|v| v <= 0.0)) {
+        return fail(format!("the focal length `{bad}`"), "a positive number of pixels");
+    }
+    if let Some(bad) = [width, height].into_iter().find(|w| number(w).is_none_or(|v| v < 1.0)) {
+        return fail(format!("the side `{bad}`"), "a number of pixels from 1");
+    }
+    Ok([fx, fy, cx, cy].map(str::to_owned))
 }
 
 impl Sequence {

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
-use vt_io::images::read_rgb;
+use vt_io::picture::read_rgb;
 use vt_sim::backdrop::{self, Background};
 use vt_sim::light::{Light, Lighting, Shadow};
 use vt_sim::path::{Jump, Line, Motion, Path, SmoothPath};
