@@ -48,8 +48,19 @@ pub fn replace(path: &Path, content: &[u8]) -> Result<(), DeviceError> {
     std::fs::rename(&temporary, path).map_err(fail)
 }
 
-/// Writes a picture as PNG; `buffer` is used again from call to call.
-pub(crate) fn save_png(path: &Path, picture: &RgbImage, buffer: &mut Vec<u8>) -> Result<(), DeviceError> {
+/// Removes a file of an earlier run, if there is one: it would be mistaken for one of this run.
+pub(crate) fn forget(path: &Path) -> Result<(), DeviceError> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(DeviceError::new(path.display(), e)),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a picture as PNG as [`replace`] does; `buffer` is used again from call to call.
+///
+/// # Errors
+/// [`DeviceError`] that names the file.
+pub fn save_png(path: &Path, picture: &RgbImage, buffer: &mut Vec<u8>) -> Result<(), DeviceError> {
     buffer.clear();
     let encoder = PngEncoder::new_with_quality(&mut *buffer, CompressionType::Fast, FilterType::Sub);
     encoder
@@ -74,6 +85,6 @@ pub(crate) fn of_target(folder: &Path, stem: &str, extension: &str, targets: &[S
 }
 
 /// A name without characters that file systems refuse.
-pub(crate) fn file_name(name: &str) -> String {
+pub fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
 }

@@ -11,7 +11,7 @@ use image::imageops::{self, FilterType};
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
 
-use crate::files::replace;
+use crate::files::{forget, replace};
 use crate::overlay::Drawing;
 
 /// Last byte of every GIF.
@@ -63,10 +63,8 @@ impl Gif {
     /// [`DeviceError`] when an old file cannot be removed: it would be mistaken for that of this run.
     pub fn create(folder: &Path, drawing: Drawing, settings: GifSettings) -> Result<Self, DeviceError> {
         let path = folder.join("overlays.gif");
-        match std::fs::remove_file(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(DeviceError::new(path.display(), e)),
-            _ => Ok(Self { path, drawing, settings, open: None, index: 0 }),
-        }
+        forget(&path)?;
+        Ok(Self { path, drawing, settings, open: None, index: 0 })
     }
 
     fn add(&mut self, picture: &RgbImage) -> Result<(), DeviceError> {

@@ -93,7 +93,10 @@ impl ImageSequence {
         if order == Order::PingPong {
             let end = frames.last().map_or(Timestamp(0), |f| f.2);
             let back: Vec<_> = frames.iter().rev().skip(1).cloned().collect();
-            frames.extend(back.into_iter().map(|(p, n, t)| (p, n, Timestamp(2 * end.0 - t.0))));
+            frames.extend(
+                back.into_iter()
+                    .map(|(p, n, t)| (p, n, Timestamp(end.0.saturating_mul(2).saturating_sub(t.0)))),
+            );
         }
         Ok(Self { id, frames, next: 0, conversion, size })
     }

@@ -12,7 +12,7 @@ use vt_core::report::{Status, StepReport};
 use vt_core::sketch::{Mark, Role};
 
 use crate::canvas::Canvas;
-use crate::files::save_png;
+use crate::files::{forget, save_png};
 use crate::sheet::Sheet;
 use crate::summary::pose;
 
@@ -102,10 +102,19 @@ impl Drawing {
 
 impl Overlays {
     /// Pictures of one sensor in `folder`. With `project` the uncertainty of the model's origin is drawn.
-    pub fn new(folder: &Path, sensor: SensorId, project: Option<Projector>, settings: Settings) -> Self {
+    ///
+    /// # Errors
+    /// [`DeviceError`] when an old contact sheet cannot be removed.
+    pub fn create(
+        folder: &Path,
+        sensor: SensorId,
+        project: Option<Projector>,
+        settings: Settings,
+    ) -> Result<Self, DeviceError> {
+        forget(&folder.join("contact_sheet.png"))?;
         let drawing = Drawing::new(sensor, project, settings.search);
         let (folder, sheet) = (folder.to_owned(), Sheet::default());
-        Self { folder, drawing, settings, sheet, index: 0, encoded: vec![] }
+        Ok(Self { folder, drawing, settings, sheet, index: 0, encoded: vec![] })
     }
 }
 

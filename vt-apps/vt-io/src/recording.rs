@@ -1,14 +1,16 @@
 //! Frames of a sensor with what is true of them, as files that the sensor `images` and the truth `tum` read.
 
 use core::fmt::Write;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
 use vt_core::error::DeviceError;
 use vt_core::frame::{Frame, Payload};
 use vt_core::lie::SE3;
 use vt_core::manifold::Coordinates;
 
-use crate::files::{Lines, file_name, of_target};
+use crate::files::{Lines, file_name, of_target, replace};
 use crate::poses;
 
 /// Folder of a sensor's recording, and its files: `images/NUMBER.png`, `timestamps.txt` (`frame seconds`), `truth.tum`
@@ -58,15 +60,17 @@ impl Recording {
     /// [`DeviceError`] when a file cannot be written or the frame is no picture.
     pub fn add(&mut self, frame: &Frame, poses: &[SE3], visible: &[f64]) -> Result<(), DeviceError> {
         let path = self.images.join(format!("{:06}.png", frame.number));
+        let mut encoded = Cursor::new(vec![]);
         let saved = match &frame.payload {
-            Payload::Grey(picture) => picture.save(&path),
-            Payload::Rgb(picture) => picture.save(&path),
+            Payload::Grey(picture) => picture.write_to(&mut encoded, ImageFormat::Png),
+            Payload::Rgb(picture) => picture.write_to(&mut encoded, ImageFormat::Png),
             other => {
                 let why = format!("a frame of {}; expected a picture", other.kind());
                 return Err(DeviceError::new(path.display(), why));
             }
         };
         saved.map_err(|e| DeviceError::new(path.display(), e))?;
+        replace(&path, encoded.get_ref())?;
         // Nanoseconds in full, so that the time comes back as it was.
         let (sign, ns) = (if frame.time.0 < 0 { "-" } else { "" }, frame.time.0.unsigned_abs());
         let _ = writeln!(

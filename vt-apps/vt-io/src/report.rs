@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
 
-use crate::files::replace;
+use crate::files::{forget, replace};
 use crate::summary::{Statistics, Summary, TargetSummary};
 
 /// What a report says about the run besides its figures.
@@ -40,10 +40,8 @@ impl Report {
     /// [`DeviceError`] when an old report cannot be removed: it would be mistaken for that of this run.
     pub fn create(folder: &Path, header: Header, summary: Summary) -> Result<Self, DeviceError> {
         let path = folder.join("report.json");
-        match std::fs::remove_file(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(DeviceError::new(path.display(), e)),
-            _ => Ok(Self { path, header, summary }),
-        }
+        forget(&path)?;
+        Ok(Self { path, header, summary })
     }
 }
 

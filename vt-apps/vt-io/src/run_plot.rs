@@ -9,7 +9,7 @@ use vt_core::error::DeviceError;
 use vt_core::metrics::PoseError;
 use vt_core::report::{Status, StepReport};
 
-use crate::files::of_target;
+use crate::files::{forget, of_target};
 use crate::plot::{Band, CURVES, Curve, Figure, Panel, Rgb, Span};
 use crate::summary::pose;
 use crate::truth::Truth;
@@ -124,14 +124,7 @@ impl RunPlot {
         let names: Vec<String> = targets.iter().map(|(name, _)| name.clone()).collect();
         let files: Vec<PathBuf> =
             (0..names.len()).map(|k| of_target(folder, "plot", "png", &names, k)).collect();
-        for path in files.iter().flat_map(|f| [f.clone(), f.with_extension("svg")]) {
-            match std::fs::remove_file(&path) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(DeviceError::new(path.display(), e));
-                }
-                _ => {}
-            }
-        }
+        files.iter().flat_map(|f| [f.clone(), f.with_extension("svg")]).try_for_each(|path| forget(&path))?;
         let tracks = targets.into_iter().map(|(name, truth)| Track { name, truth, samples: vec![] });
         Ok(Self { files, tracks: tracks.collect(), index: 0, stride: 1 })
     }

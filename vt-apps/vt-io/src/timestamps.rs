@@ -7,6 +7,9 @@ use vt_core::error::DeviceError;
 use vt_core::file::MOST;
 use vt_core::time::Timestamp;
 
+/// Times are whole nanoseconds of 64 bits.
+const MOST_SECONDS: f64 = 4e9;
+
 /// Reads a file of times: one number of seconds a line, or `frame seconds`; `#` starts a comment.
 ///
 /// # Errors
@@ -18,11 +21,13 @@ pub fn read(path: &Path) -> Result<Vec<(Option<u64>, Timestamp)>, DeviceError> {
     for (k, line) in text.lines().enumerate() {
         let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
         let fail = |found: &str| {
-            let why = format!("line {}: found `{found}`; expected `seconds` or `frame seconds`", k + 1);
+            let why =
+                format!("line {}: found `{found}`; expected `seconds` or `frame seconds`, below 4e9", k + 1);
             DeviceError::new(path.display(), why)
         };
-        let seconds =
-            |word: &str| word.parse::<f64>().ok().filter(|s| s.is_finite()).ok_or_else(|| fail(word));
+        let seconds = |word: &str| {
+            word.parse::<f64>().ok().filter(|s| s.abs() < MOST_SECONDS).ok_or_else(|| fail(word))
+        };
         match words[..] {
             [] => {}
             [s] => out.push((None, Timestamp::from_seconds(seconds(s)?))),

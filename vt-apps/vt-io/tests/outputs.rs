@@ -157,7 +157,7 @@ fn overlays_show_marks_in_their_colours_and_the_projected_uncertainty() {
     let dir = tempfile::tempdir().unwrap();
     let project = |p: &Point3<f64>| Some([100.0 * p.x / p.z + 79.5, 100.0 * p.y / p.z + 59.5].into());
     let settings = Settings { every: 2, ..Settings::default() };
-    let overlays = Overlays::new(dir.path(), SensorId(0), Some(Box::new(project)), settings);
+    let overlays = Overlays::create(dir.path(), SensorId(0), Some(Box::new(project)), settings).unwrap();
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(overlays)];
     let mut steps = one(&[7, 8, 7]);
     // One per cent of the distance: an ellipse of 2.45 px.

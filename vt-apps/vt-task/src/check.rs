@@ -1,13 +1,22 @@
 //! Checks of a whole task before the first frame: names, kinds, parameters, files, and whether the parts fit.
 
+use vt_io::files::file_name;
+
 use crate::document::Document;
 use crate::error::{Problem, TaskError, TaskErrors};
 use crate::language::{Level, Picture, Task};
 use crate::node::Node;
+use crate::reader::ReadError;
 use crate::registry::{Checked, Listing, Referent, Registry};
 
 /// Largest angle to the optical axis that the simulated camera can draw, degrees.
 const WIDEST_SIMULATED: f64 = 70.0;
+
+/// Most elements of a list of sections.
+const MOST_SECTIONS: usize = 256;
+
+/// Most problems that are told at once.
+const MOST_PROBLEMS: usize = 64;
 
 /// Checks a document and returns its task.
 ///
@@ -15,6 +24,7 @@ const WIDEST_SIMULATED: f64 = 70.0;
 /// [`TaskErrors`] with every problem that was found, in order of the text; problems of form end the check.
 pub fn check(document: &Document, registry: &Registry) -> Result<Task, TaskErrors> {
     let task = document.task()?;
+    few(document, &task)?;
     let mut checker = Checker { document, registry, task: &task, problems: vec![] };
     checker.names();
     checker.sensors();
@@ -26,7 +36,26 @@ pub fn check(document: &Document, registry: &Registry) -> Result<Task, TaskError
         return Ok(task);
     }
     problems.sort_by_key(|p| p.span);
+    problems.truncate(MOST_PROBLEMS);
     Err(TaskErrors { name: document.name().to_owned(), problems })
+}
+
+/// Lists that are not too long, since everything is compared with everything.
+fn few(document: &Document, task: &Task) -> Result<(), TaskErrors> {
+    let lists = [
+        ("sensors", task.sensors.len()),
+        ("models", task.models.len()),
+        ("targets", task.targets.len()),
+        ("outputs", task.outputs.len()),
+    ];
+    let modalities = task.targets.iter().enumerate();
+    let modalities = modalities.map(|(k, t)| (format!("targets.{k}.modalities"), t.modalities.len()));
+    let mut lists = lists.map(|(path, n)| (path.to_owned(), n)).into_iter().chain(modalities);
+    let Some((path, n)) = lists.find(|(_, n)| *n > MOST_SECTIONS) else { return Ok(()) };
+    let found = format!("{n} sections");
+    Err(document
+        .error_at(&path, Problem::Value { found, expected: format!("at most {MOST_SECTIONS}") })
+        .into())
 }
 
 /// The pose space of a warp's listing.
@@ -104,13 +133,14 @@ impl Checker<'_> {
             for (k, name) in names.iter().enumerate() {
                 // By number: names may be double.
                 let path = format!("{list}.{k}.name");
-                let at = self.document.root().get(list).map(|n| &n.value);
-                let span = match at {
-                    Some(crate::node::Value::Array(a)) => a[k].get("name").map(|n| n.span),
-                    _ => None,
-                };
+                let section = self.document.root().get(list).and_then(|n| n.nth(k));
+                let span = section.and_then(|n| n.get("name")).map(|n| n.span);
+                let same_files = names[..k].iter().find(|n| file_name(n) == file_name(name));
                 let problem = if names[..k].contains(name) {
                     Problem::Duplicate { what, name: name.clone() }
+                } else if let Some(other) = same_files {
+                    let expected = format!("a name whose files are not those of `{other}`");
+                    Problem::Value { found: format!("\"{name}\""), expected }
                 } else if name.is_empty() || name.contains('.') {
                     let expected = "a name that is not empty and has no dot".into();
                     Problem::Value { found: format!("\"{name}\""), expected }
@@ -119,7 +149,7 @@ impl Checker<'_> {
                 };
                 match span {
                     Some(span) => {
-                        self.problems.push(self.document.error(crate::reader::ReadError::at(problem, span)));
+                        self.problems.push(self.document.error(ReadError::at(problem, span)));
                     }
                     None => self.add(&path, problem),
                 }
@@ -236,6 +266,14 @@ impl Checker<'_> {
         self.choice("association", "association", "association", None);
         for k in 0..self.task.outputs.len() {
             self.choice(&format!("outputs.{k}"), "output", "output", None);
+            let kind = &self.task.outputs[k].kind;
+            // Outputs of one kind write the same files.
+            if self.task.outputs[..k].iter().any(|o| o.kind == *kind) {
+                let problem = Problem::Duplicate { what: "output of kind", name: kind.clone() };
+                let node = self.document.root().get("outputs").and_then(|n| n.nth(k));
+                let span = node.map_or(self.document.root().span, |n| n.get("kind").unwrap_or(n).span);
+                self.problems.push(self.document.error(ReadError::at(problem, span)));
+            }
         }
     }
 }

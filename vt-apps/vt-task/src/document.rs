@@ -1,6 +1,8 @@
 //! The text of a task with overrides applied and variables filled in, before it is read as a [`Task`].
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
@@ -12,10 +14,16 @@ use crate::reader::{ReadError, read};
 /// Nested variables are followed this deep before they count as a circle.
 const DEPTH: usize = 16;
 
+/// Most bytes of a task file, and of what its variables stand for all together.
+const MOST: u64 = 16 << 20;
+
+/// Most keys of a `--set`; what walks over the tree is recursive. The parser of files has a limit of its own.
+const NESTING: usize = 64;
+
 /// A parsed task text: tree, sources for messages, and the folder that relative paths start from.
 #[derive(Clone, Debug)]
 pub struct Document {
-    sources: Vec<(String, String)>,
+    sources: Vec<(String, Arc<String>)>,
     root: Node,
     base: PathBuf,
 }
@@ -27,9 +35,9 @@ impl Document {
     /// [`TaskErrors`] with place, found, expected and nearest name.
     pub fn load(path: &Path, set: &[String]) -> Result<Self, TaskErrors> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|e| {
+        let text = vt_core::file::read_text(path, MOST).map_err(|e| {
             let problem = Problem::Unreadable { path: path.to_owned(), why: e.to_string() };
-            TaskError::new(problem, &[(name.clone(), String::new())], None)
+            TaskError::new(problem, &[(name.clone(), Arc::default())], None)
         })?;
         let base = path.parent().map(Path::to_owned).unwrap_or_default();
         Self::parse(&name, &text, &base, set, &|variable| std::env::var(variable).ok())
@@ -47,14 +55,14 @@ impl Document {
         set: &[String],
         environment: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Self, TaskErrors> {
-        let mut sources = vec![(name.to_owned(), text.to_owned())];
+        let mut sources = vec![(name.to_owned(), Arc::new(text.to_owned()))];
         let root = DeTable::parse(text).map_err(|e| {
             let span = e.span().map(|r| Span { source: 0, start: r.start, end: r.end });
             TaskError::new(Problem::Syntax(e.message().to_owned()), &sources, span)
         })?;
         let table = DeValue::Table(root.into_inner());
         let mut document = Self { root: Node::new(0..0, &table, 0), sources: vec![], base: base.to_owned() };
-        sources.extend(set.iter().map(|s| (format!("--set {s}"), s.clone())));
+        sources.extend(set.iter().map(|s| (format!("--set {s}"), Arc::new(s.clone()))));
         document.sources = sources;
         for (k, argument) in set.iter().enumerate() {
             document.set(k + 1, argument).map_err(|p| {
@@ -152,6 +160,9 @@ impl Document {
         };
         relocate(&mut new, whole);
         let keys: Vec<&str> = path.split('.').collect();
+        if keys.len() > NESTING {
+            return Err(fail(&format!("more than {NESTING} keys"), path, vec![]));
+        }
         let mut node = &mut self.root;
         let mut offset = 0;
         for (k, &key) in keys.iter().enumerate() {
@@ -194,11 +205,11 @@ impl Document {
     }
 
     fn expand(&mut self, environment: &dyn Fn(&str) -> Option<String>) -> Result<(), ReadError> {
-        let mut variables = vec![];
+        let mut variables = BTreeMap::new();
         if let Some(Value::Table(t)) = self.root.get("variables").map(|n| &n.value) {
             variables.extend(t.iter().filter_map(|(k, v)| Some((k.name.clone(), v.text()?.to_owned()))));
         }
-        expand(&mut self.root, &variables, environment)
+        Filling { variables: &variables, environment, left: MOST as usize }.expand(&mut self.root)
     }
 }
 
@@ -215,66 +226,77 @@ fn relocate(node: &mut Node, span: Span) {
     }
 }
 
-type Variables = [(String, String)];
-type Environment<'a> = &'a dyn Fn(&str) -> Option<String>;
-
-/// Fills in the variables of all texts, and refuses numbers that are not finite.
-fn expand(node: &mut Node, variables: &Variables, environment: Environment<'_>) -> Result<(), ReadError> {
-    match &mut node.value {
-        Value::String(s) => {
-            *s = filled(s, variables, environment, 0).map_err(|p| ReadError::at(p, node.span))?;
-        }
-        Value::Float(f) if !f.is_finite() => {
-            let problem = Problem::Value { found: f.to_string(), expected: "a finite number".into() };
-            return Err(ReadError::at(problem, node.span));
-        }
-        Value::Array(a) => a.iter_mut().try_for_each(|n| expand(n, variables, environment))?,
-        Value::Table(t) => t.iter_mut().try_for_each(|(_, n)| expand(n, variables, environment))?,
-        _ => {}
-    }
-    Ok(())
+/// Filling in the variables of a document.
+struct Filling<'a> {
+    variables: &'a BTreeMap<String, String>,
+    environment: &'a dyn Fn(&str) -> Option<String>,
+    /// Bytes that variables may still bring.
+    left: usize,
 }
 
-/// `${NAME}` is the value of a variable, `$${` a dollar sign with a brace.
-fn filled(
-    text: &str,
-    variables: &Variables,
-    environment: Environment<'_>,
-    depth: usize,
-) -> Result<String, Problem> {
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find('$') {
-        out.push_str(&rest[..at]);
-        rest = &rest[at..];
-        if let Some(after) = rest.strip_prefix("$${") {
-            out.push_str("${");
-            rest = after;
-            continue;
+impl Filling<'_> {
+    /// Fills in the variables of all texts, and refuses numbers that are not finite.
+    fn expand(&mut self, node: &mut Node) -> Result<(), ReadError> {
+        match &mut node.value {
+            Value::String(s) => *s = self.filled(s, 0).map_err(|p| ReadError::at(p, node.span))?,
+            Value::Float(f) if !f.is_finite() => {
+                let problem = Problem::Value { found: f.to_string(), expected: "a finite number".into() };
+                return Err(ReadError::at(problem, node.span));
+            }
+            Value::Array(a) => a.iter_mut().try_for_each(|n| self.expand(n))?,
+            Value::Table(t) => t.iter_mut().try_for_each(|(_, n)| self.expand(n))?,
+            _ => {}
         }
-        let Some(inner) = rest.strip_prefix("${") else {
-            out.push('$');
-            rest = &rest[1..];
-            continue;
-        };
-        let Some(end) = inner.find('}') else {
-            let expected = "a closing `}` after `${`, or `$${` for the characters themselves".into();
-            return Err(Problem::Value { found: format!("\"{text}\""), expected });
-        };
-        let name = &inner[..end];
-        if depth == DEPTH {
-            let expected = "variables that do not refer to themselves".into();
-            return Err(Problem::Value { found: format!("`${{{name}}}` again and again"), expected });
-        }
-        match variables.iter().find(|(n, _)| n == name) {
-            Some((_, value)) => out.push_str(&filled(value, variables, environment, depth + 1)?),
-            None => out.push_str(&environment(name).ok_or_else(|| Problem::Variable {
-                name: name.into(),
-                known: variables.iter().map(|(n, _)| n.clone()).collect(),
-            })?),
-        }
-        rest = &inner[end + 1..];
+        Ok(())
     }
-    out.push_str(rest);
-    Ok(out)
+
+    /// `${NAME}` is the value of a variable, `$${` a dollar sign with a brace.
+    fn filled(&mut self, text: &str, depth: usize) -> Result<String, Problem> {
+        let mut out = String::new();
+        let mut rest = text;
+        while let Some(at) = rest.find('$') {
+            out.push_str(&rest[..at]);
+            rest = &rest[at..];
+            if let Some(after) = rest.strip_prefix("$${") {
+                out.push_str("${");
+                rest = after;
+                continue;
+            }
+            let Some(inner) = rest.strip_prefix("${") else {
+                out.push('$');
+                rest = &rest[1..];
+                continue;
+            };
+            let Some(end) = inner.find('}') else {
+                let expected = "a closing `}` after `${`, or `$${` for the characters themselves".into();
+                return Err(Problem::Value { found: format!("\"{text}\""), expected });
+            };
+            out.push_str(&self.variable(&inner[..end], depth)?);
+            rest = &inner[end + 1..];
+        }
+        out.push_str(rest);
+        Ok(out)
+    }
+
+    fn variable(&mut self, name: &str, depth: usize) -> Result<String, Problem> {
+        let refuse = |found: &str, expected: &str| {
+            Err(Problem::Value { found: format!("`${{{name}}}` {found}"), expected: expected.into() })
+        };
+        if depth == DEPTH {
+            return refuse("again and again", "variables that do not refer to themselves");
+        }
+        let value = match self.variables.get(name) {
+            Some(value) => self.filled(value, depth + 1)?,
+            None => (self.environment)(name).ok_or_else(|| Problem::Variable {
+                name: name.into(),
+                known: self.variables.keys().cloned().collect(),
+            })?,
+        };
+        // An empty value costs, too: variables of variables multiply.
+        match self.left.checked_sub(1 + value.len()) {
+            Some(left) => self.left = left,
+            None => return refuse("too often", &format!("at most {MOST} bytes out of variables")),
+        }
+        Ok(value)
+    }
 }

@@ -1,6 +1,7 @@
 //! What can be wrong with a task file: where, what was found, what was expected, and the nearest valid name.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use thiserror::Error;
@@ -193,13 +194,13 @@ pub struct TaskError {
     /// What is wrong.
     pub problem: Problem,
     /// The text with its name: the task file, or the `--set` argument that brought the value.
-    pub text: NamedSource<String>,
+    pub text: NamedSource<Arc<String>>,
     /// Bytes of the text.
     pub span: Option<(usize, usize)>,
 }
 
 impl TaskError {
-    pub(crate) fn new(problem: Problem, sources: &[(String, String)], span: Option<Span>) -> Self {
+    pub(crate) fn new(problem: Problem, sources: &[(String, Arc<String>)], span: Option<Span>) -> Self {
         let (name, text) = &sources[span.map_or(0, |s| s.source)];
         Self {
             problem,

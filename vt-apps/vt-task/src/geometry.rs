@@ -77,6 +77,9 @@ pub(crate) fn rotation_of(m: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(svd.u? * svd.v_t?)))
 }
 
+/// Most pixels of a picture.
+const MOST_PIXELS: u32 = 1 << 27;
+
 /// Pinhole camera with lens distortion, or a fisheye camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -120,6 +123,10 @@ impl CameraSection {
         if self.size.iter().any(|&n| n == 0 || n > 1 << 15) {
             let found = format!("{:?}", self.size);
             return Err(ConfigError::parameter("size", found, "columns and rows from 1 to 32768"));
+        }
+        if self.size[0] * self.size[1] > MOST_PIXELS {
+            let expected = format!("at most {MOST_PIXELS} pixels");
+            return Err(ConfigError::parameter("size", format!("{:?}", self.size), expected));
         }
         if self.focal.iter().any(|f| f.si() <= 0.0) {
             return Err(ConfigError::parameter(

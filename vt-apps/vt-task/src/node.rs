@@ -91,6 +91,14 @@ impl Node {
         }
     }
 
+    /// The element of a list with this number.
+    pub fn nth(&self, k: usize) -> Option<&Self> {
+        match &self.value {
+            Value::Array(a) => a.get(k),
+            _ => None,
+        }
+    }
+
     /// The node at a dotted path of keys, numbers and names.
     pub fn at(&self, path: &str) -> Option<&Self> {
         path.split('.').filter(|s| !s.is_empty()).try_fold(self, |node, key| node.get(key))

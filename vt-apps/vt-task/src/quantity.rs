@@ -5,12 +5,16 @@
 
 use core::fmt;
 use core::marker::PhantomData;
+use core::ops::RangeInclusive;
 use std::borrow::Cow;
 
 use serde::de::{Deserialize, Deserializer, Error, Expected, Unexpected, Visitor};
 use serde::ser::{Serialize, Serializer};
 
 use crate::nearest::nearest;
+
+/// Sizes in SI units that products of several quantities survive.
+const SIZES: RangeInclusive<f64> = 1e-15..=1e15;
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 
@@ -113,6 +117,17 @@ impl<D: Dimension> Quantity<D> {
         let (number, unit) = (&text[..split], text[split..].trim());
         let wanted = |hint| Wanted { description: Self::description(), hint };
         let Ok(value) = number.parse::<f64>() else { return Err(wanted(None)) };
+        if let Some((name, size)) = D::UNITS.iter().find(|u| u.0 == unit)
+            && value.is_finite()
+            && value != 0.0
+            && !SIZES.contains(&(value * size).abs())
+        {
+            let sizes = format!("{:e} to {:e} {}", SIZES.start(), SIZES.end(), D::UNITS[0].0);
+            return Err(Wanted {
+                description: format!("{}, 0 or of {sizes}, not {number} {name}", D::NAME),
+                hint: None,
+            });
+        }
         Self::new(value, unit).ok_or_else(|| {
             let near = nearest(unit, D::UNITS.iter().map(|u| u.0)).filter(|_| !unit.is_empty());
             wanted(near.map(|u| format!("{number} {u}")))

@@ -42,7 +42,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "UNIT", requires = "model", value_parser = ["m", "cm", "mm", "in"])]
     unit: Option<String>,
     /// Plots the errors over the frames, as PNG or SVG by the name's ending.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Prints one JSON object.
     #[arg(long)]
@@ -53,9 +53,12 @@ pub struct EvalArgs {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvalError {
-    /// A file cannot be read or written, or is not what it should be.
+    /// A file cannot be read, or is not what it should be.
     #[error(transparent)]
-    Device(#[from] DeviceError),
+    Input(#[from] DeviceError),
+    /// The plot cannot be written.
+    #[error("--plot: {0}")]
+    Output(DeviceError),
     /// The model cannot be read.
     #[error("--model: {0}")]
     Model(#[from] ConfigError),
@@ -100,7 +103,7 @@ impl EvalArgs {
     pub fn start(&self) -> Result<(), EvalError> {
         let scores = self.scores()?;
         if let Some(path) = &self.plot {
-            plot::errors(&scores.title(), &scores.errors).save(path)?;
+            plot::errors(&scores.title(), &scores.errors).save(path).map_err(EvalError::Output)?;
         }
         if self.json {
             println!("{}", scores.json());
@@ -145,6 +148,16 @@ impl EvalArgs {
             scores.distances = Some(Distances::new(&vertices(file, unit)?, &pairs));
         }
         Ok(scores)
+    }
+}
+
+/// A name with the ending of a kind of plot.
+fn plot_file(name: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(name);
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("png" | "svg") => Ok(path),
+        _ => Err("expected a name that ends in .png or .svg".into()),
     }
 }
 

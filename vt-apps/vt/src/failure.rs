@@ -7,9 +7,15 @@ use vt_core::error::DeviceError;
 use vt_task::TaskErrors;
 
 use crate::eval::EvalError;
+use crate::interrupt::INTERRUPTED;
 use crate::protocol::ProtocolError;
 use crate::run::RunError;
 use crate::sequences::SequencesError;
+
+/// Exit code of a failure that no file and no argument is to blame for.
+const FAILED: u8 = 1;
+/// Exit code of a wrong file or command line.
+const WRONG: u8 = 2;
 
 /// What ends a command early.
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +30,7 @@ pub enum Failure {
     /// A run failed.
     #[error(transparent)]
     Run(RunError),
-    /// A file cannot be read or written.
+    /// A file cannot be written.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// Poses cannot be scored.
@@ -33,6 +39,9 @@ pub enum Failure {
     /// A run over sequences failed.
     #[error(transparent)]
     Sequences(#[from] SequencesError),
+    /// Ctrl-C; the outputs are complete up to the last frame.
+    #[error("interrupted")]
+    Interrupted,
 }
 
 impl From<RunError> for Failure {
@@ -45,31 +54,33 @@ impl From<RunError> for Failure {
 }
 
 impl Failure {
-    /// Shows it on stderr; the exit code is 2 when the task or the command line is wrong, otherwise 1.
+    /// Shows it on stderr. Exit code 2: a file that was given or the command line is wrong; 130: Ctrl-C; 1: the rest.
     pub fn report(self) -> ExitCode {
+        let code = match &self {
+            Self::Task(_) | Self::Protocol(_) => WRONG,
+            Self::Run(e) => of_run(e),
+            Self::Eval(EvalError::Output(_)) | Self::Device(_) => FAILED,
+            Self::Eval(_) => WRONG,
+            Self::Sequences(SequencesError::Sequence { source, .. }) => of_run(source),
+            Self::Sequences(SequencesError::Output(_)) => FAILED,
+            Self::Sequences(_) => WRONG,
+            Self::Interrupted => INTERRUPTED,
+        };
         match self {
-            Self::Task(e) => {
-                eprintln!("{:?}", Report::new(e));
-                ExitCode::from(2)
-            }
+            Self::Task(e) => eprintln!("{:?}", Report::new(e)),
             Self::Sequences(SequencesError::Sequence { name, source }) => match *source {
-                RunError::Task(e) => {
-                    eprintln!("sequence {name}:\n{:?}", Report::new(e));
-                    ExitCode::from(2)
-                }
-                e => {
-                    eprintln!("error: sequence {name}: {e}");
-                    ExitCode::FAILURE
-                }
+                RunError::Task(e) => eprintln!("sequence {name}:\n{:?}", Report::new(e)),
+                e => eprintln!("error: sequence {name}: {e}"),
             },
-            Self::Protocol(e) => {
-                eprintln!("error: {e}");
-                ExitCode::from(2)
-            }
-            e => {
-                eprintln!("error: {e}");
-                ExitCode::FAILURE
-            }
+            e => eprintln!("error: {e}"),
         }
+        ExitCode::from(code)
+    }
+}
+
+fn of_run(e: &RunError) -> u8 {
+    match e {
+        RunError::Task(_) | RunError::Sensor(_) | RunError::Protocol(_) => WRONG,
+        RunError::Output(_) | RunError::Reset { .. } | RunError::Step { .. } => FAILED,
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Exit code of a program that was ended by Ctrl-C, by the convention of shells.
-const INTERRUPTED: i32 = 130;
+pub const INTERRUPTED: u8 = 130;
 
 /// A flag that the first Ctrl-C sets.
 ///
@@ -15,7 +15,7 @@ pub fn flag() -> Result<Arc<AtomicBool>, ctrlc::Error> {
     let seen = flag.clone();
     ctrlc::set_handler(move || {
         if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED);
+            std::process::exit(INTERRUPTED.into());
         }
     })?;
     Ok(flag)

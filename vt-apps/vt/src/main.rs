@@ -13,7 +13,8 @@ use vt_task::{Registry, check, explain, schema};
 
 /// Model-based visual tracking: run, check and explain task files, score poses.
 ///
-/// Exit code 0: done; 1: something failed while running; 2: the task or the command line is wrong.
+/// Exit code 0: done; 1: something failed while running; 2: the task, another file or the command line is wrong; 130:
+/// ended by Ctrl-C.
 #[derive(Parser)]
 #[command(version)]
 struct Cli {

@@ -7,6 +7,8 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use serde_json::{Value, json};
+use vt_core::error::DeviceError;
+use vt_io::files::save_png;
 use vt_models::diagnostics::{Diagnostics, diagnose};
 use vt_models::edges::{EdgeModel, EdgeOptions, MeshReport};
 use vt_models::loaders::{LoadError, load_mesh, loader};
@@ -50,12 +52,12 @@ impl ModelCommand {
         std::io::stdout().write_all(text.as_bytes()).ok();
         let Some(out) = out else { return ExitCode::SUCCESS };
         let saved = sheet(&inspection.mesh, &inspection.edges)
-            .map_err(|e| e.to_string())
-            .and_then(|s| s.save_with_format(out, image::ImageFormat::Png).map_err(|e| e.to_string()));
+            .map_err(|e| DeviceError::new(out.display(), e))
+            .and_then(|s| save_png(out, &s, &mut vec![]));
         match saved {
             Ok(()) => ExitCode::SUCCESS,
             Err(e) => {
-                eprintln!("error: {}: {e}", out.display());
+                eprintln!("error: {e}");
                 ExitCode::FAILURE
             }
         }

@@ -70,9 +70,12 @@ pub enum RunError {
     /// The task is wrong.
     #[error(transparent)]
     Task(#[from] TaskErrors),
-    /// A sensor or an output failed.
+    /// A sensor has no good frame.
     #[error(transparent)]
-    Device(#[from] DeviceError),
+    Sensor(DeviceError),
+    /// An output cannot be written.
+    #[error(transparent)]
+    Output(#[from] DeviceError),
     /// The run cannot be judged.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
@@ -110,7 +113,7 @@ pub fn run(
     let mut judges = judges(options.protocol.as_ref(), &task, &mut scene)?;
     let mut queue = Queue::default();
     for sensor in &mut scene.sensors {
-        queue.waiting.push(sensor.next()?);
+        queue.waiting.push(sensor.next().map_err(RunError::Sensor)?);
     }
     let limit = options.max_frames.unwrap_or(usize::MAX);
     // The frames that wait count too. Sensors that do not run in step need more steps than this.
@@ -134,7 +137,7 @@ pub fn run(
                 header.interrupted.store(true, Ordering::Relaxed);
                 break;
             }
-            let Some(frames) = queue.take(&mut scene.sensors)? else { break };
+            let Some(frames) = queue.take(&mut scene.sensors).map_err(RunError::Sensor)? else { break };
             let (cpu, wall) = (ProcessTime::now(), Instant::now());
             tracking.step(frames).map_err(|source| RunError::Step { step, source })?;
             times.push(StepTime { cpu: cpu.elapsed().as_secs_f64(), wall: wall.elapsed().as_secs_f64() });
@@ -197,16 +200,24 @@ fn write(outputs: &mut [Box<dyn Output>], step: &Step<'_>) -> Result<bool, RunEr
 #[derive(Default)]
 struct Queue {
     waiting: Vec<Option<Frame>>,
+    /// Why there is no further frame; told when those before it are taken.
+    failed: Option<DeviceError>,
 }
 
 impl Queue {
     fn take(&mut self, sensors: &mut [Box<dyn Sensor>]) -> Result<Option<Vec<Frame>>, DeviceError> {
+        if let Some(e) = self.failed.take() {
+            return Err(e);
+        }
         let Some(now) = self.waiting.iter().flatten().map(|f| f.time).min() else { return Ok(None) };
         let mut frames = vec![];
         for (slot, sensor) in self.waiting.iter_mut().zip(sensors) {
             if slot.as_ref().is_some_and(|f| f.time == now) {
                 frames.extend(slot.take());
-                *slot = sensor.next()?;
+                match sensor.next() {
+                    Ok(next) => *slot = next,
+                    Err(e) => self.failed = Some(e),
+                }
             }
         }
         Ok(Some(frames))
@@ -236,7 +247,8 @@ mod tests {
     fn frames_of_one_time_go_together_and_time_never_goes_back() {
         let clock = |id, times: Vec<i64>| Box::new(Clock(id, times.into_iter())) as Box<dyn Sensor>;
         let mut sensors = vec![clock(0, vec![0, 10, 20, 30]), clock(1, vec![0, 15, 30])];
-        let mut queue = Queue { waiting: sensors.iter_mut().map(|s| s.next().unwrap()).collect() };
+        let waiting = sensors.iter_mut().map(|s| s.next().unwrap()).collect();
+        let mut queue = Queue { waiting, failed: None };
         let mut seen = vec![];
         while let Some(frames) = queue.take(&mut sensors).unwrap() {
             seen.push(frames.iter().map(|f| (f.sensor.0, f.time.0)).collect::<Vec<_>>());

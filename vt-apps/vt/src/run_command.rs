@@ -1,6 +1,7 @@
 //! The command `vt run`: one task, or one task on every sequence of a folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use clap::Args;
 use vt_task::{Document, Registry, TaskErrors};
@@ -45,8 +46,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Number of threads; all cores when absent. Results do not depend on it.
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Ends after so many frames.
     #[arg(long, value_name = "N")]
     max_frames: Option<usize>,
@@ -72,7 +73,7 @@ impl RunArgs {
     /// [`Failure`].
     pub fn start(&self, registry: &Registry) -> Result<(), Failure> {
         if let Some(n) = self.threads
-            && let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(n).build_global()
+            && let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(n.into()).build_global()
         {
             eprintln!("warning: --threads {n}: {e}");
         }
@@ -90,12 +91,13 @@ impl RunArgs {
         });
         let mut options = Options { out, max_frames: self.max_frames, stop, protocol: None };
         let bar = Bar::new(self.quiet);
-        let shown = match (document, &self.sequences) {
+        let (shown, interrupted) = match (document, &self.sequences) {
             (Some((document, protocol)), _) => {
                 options.protocol = protocol;
                 let outcome = run(&document, registry, &options, &mut |p| bar.show(p));
                 bar.finish();
-                crate::verdict::describe(&outcome?)
+                let outcome = outcome?;
+                (crate::verdict::describe(&outcome), outcome.interrupted)
             }
             (None, folder) => {
                 let folder = folder.as_deref().unwrap_or(Path::new("."));
@@ -104,14 +106,14 @@ impl RunArgs {
                 let observe = &mut |name: &str, p: &crate::run::Progress<'_>| bar.show_of(name, p);
                 let table = run_all(&load, registry, folder, &options, limits, observe);
                 bar.finish();
-                table?.text()
+                (table?.text(), options.stop.load(Ordering::Relaxed))
             }
         };
         if !self.quiet {
             print!("{shown}");
             println!("results are in {}", options.out.display());
         }
-        Ok(())
+        if interrupted { Err(Failure::Interrupted) } else { Ok(()) }
     }
 
     /// The task with the truth that the command line gives, and how it is judged by it.

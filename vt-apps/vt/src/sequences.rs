@@ -31,9 +31,12 @@ pub struct Sequence {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SequencesError {
-    /// A file cannot be read or written, or is not what it should be.
+    /// A file cannot be read, or is not what it should be.
     #[error(transparent)]
-    Device(#[from] DeviceError),
+    Input(DeviceError),
+    /// A table cannot be written.
+    #[error(transparent)]
+    Output(#[from] DeviceError),
     /// Nothing to run.
     #[error("{}: no sequence; expected folders with camera.txt and poses.tum", .0.display())]
     None(PathBuf),
@@ -60,13 +63,14 @@ pub enum SequencesError {
 /// # Errors
 /// When there is none, or a camera cannot be read.
 pub fn find(folder: &Path) -> Result<Vec<Sequence>, SequencesError> {
-    let fail = |e: std::io::Error| DeviceError::new(folder.display(), e);
+    let fail = |e: std::io::Error| SequencesError::Input(DeviceError::new(folder.display(), e));
     let mut out = vec![];
     for entry in std::fs::read_dir(folder).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
         if path.join("camera.txt").is_file() && path.join("poses.tum").is_file() {
             let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            out.push(Sequence { name, camera: camera(&path.join("camera.txt"))?, folder: path });
+            let camera = camera(&path.join("camera.txt")).map_err(SequencesError::Input)?;
+            out.push(Sequence { name, camera, folder: path });
         }
     }
     out.sort_by(|a, b| a.name.cmp(&b.name));

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use vt_core::error::DeviceError;
+use vt_io::files::replace;
 use vt_io::recording::{self, Recording};
 use vt_task::scenarios::{self, LIBRARY};
 use vt_task::{Document, Registry, TaskErrors, check, nearest};
@@ -102,7 +103,7 @@ impl SimArgs {
         for sensor in &mut sensors {
             let folder = recording::folder(&out, &sensor.name);
             let mut recording = Recording::create(&folder, &sensor.objects)?;
-            write(&folder.join("camera.toml"), &sensor.parameters)?;
+            replace(&folder.join("camera.toml"), sensor.parameters.as_bytes())?;
             let mut frames = 0;
             while let Some(shot) = sensor.camera.shot() {
                 recording.add(&shot.frame, &shot.poses, &shot.visible)?;
@@ -111,11 +112,7 @@ impl SimArgs {
             shown += &format!("{}: {frames} frames in {}\n", sensor.name, folder.display());
         }
         let path = out.join("task.toml");
-        write(&path, &recorded.print())?;
+        replace(&path, recorded.print().as_bytes())?;
         Ok(shown + &format!("vt run {} tracks them\n", path.display()))
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), DeviceError> {
-    std::fs::write(path, text).map_err(|e| DeviceError::new(path.display(), e))
 }

@@ -90,7 +90,7 @@ fn a_wrong_task_ends_with_code_2_and_shows_the_line() {
 }
 
 #[test]
-fn a_failure_while_running_ends_with_code_1_and_complete_outputs() {
+fn a_picture_that_cannot_be_read_ends_with_code_2_and_complete_outputs() {
     let dir = tempfile::tempdir().unwrap();
     for k in 0..3 {
         image_file(&dir.path().join(format!("f{k}.pgm")), k < 2);
@@ -107,7 +107,7 @@ fn a_failure_while_running_ends_with_code_1_and_complete_outputs() {
     let without_truth: Vec<&str> = text_of.lines().filter(|l| !l.starts_with("truth")).collect();
     std::fs::write(&task, without_truth.join("\n")).unwrap();
     let output = vt(&["run", &task.display().to_string(), "--out", &out, "--set", &own, "--set", init]);
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("f2.pgm"));
     let report = std::fs::read_to_string(Path::new(&out).join("report.json")).unwrap();
     assert!(report.contains("\"interrupted\": true"));
@@ -164,7 +164,7 @@ fn ctrl_c_ends_the_run_with_complete_outputs() {
     }
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
-    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(child.wait().unwrap().code(), Some(130));
     let report = std::fs::read_to_string(dir.path().join("report.json")).unwrap();
     assert!(report.contains("\"interrupted\": true"));
     assert!(dir.path().join("contact_sheet.png").exists());

@@ -93,7 +93,7 @@ fn errors_are_plotted_as_png_and_svg() {
     }
     let path = dir.path().join("e.gif").display().to_string();
     let output = eval(&[&estimates, "--truth", &truth, "--plot", &path]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains(".png or .svg"));
 }
 
@@ -126,7 +126,7 @@ fn files_that_cannot_be_scored_are_named_with_the_reason() {
     for (arguments, words) in cases {
         let output = eval(arguments);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
         words.iter().for_each(|w| assert!(message.contains(w), "{w} in {message}"));
     }
     // Frames that all failed are a score, not an error.

@@ -116,7 +116,7 @@ fn what_does_not_fit_is_said_before_or_while_running() {
         (&["--truth", "nowhere.tum"], 2, &["nowhere.tum"]),
         (&["--truth", "other=nowhere.tum"], 2, &["other=nowhere.tum"]),
         (&["--truth", &late], 2, &["truth without frame 0"]),
-        (&["--truth", &file, "--reset-on-failure", "5cm,5deg"], 1, &["bracket", "no frame 2"]),
+        (&["--truth", &file, "--reset-on-failure", "5cm,5deg"], 2, &["bracket", "no frame 2"]),
     ];
     for (arguments, code, words) in cases {
         let all: Vec<&str> =
@@ -168,6 +168,6 @@ fn sequences_give_a_file_each_and_a_table_in_three_forms() {
         assert!(out.join(name).join("report.json").exists());
     }
     let empty = vt(&["run", &task(), "--sequences", &out.display().to_string()]);
-    assert_eq!(empty.status.code(), Some(1));
+    assert_eq!(empty.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&empty.stderr).contains("no sequence"));
 }

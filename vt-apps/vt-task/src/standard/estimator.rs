@@ -85,10 +85,14 @@ impl Default for Particle {
     }
 }
 
+/// More particles than this are refused.
+const MOST_PARTICLES: usize = 1_000_000;
+
 impl Params for Particle {
     fn check(&self) -> Result<(), ConfigError> {
-        if self.particles == 0 {
-            return Err(ConfigError::parameter("particles", 0, "at least 1 particle"));
+        if !(1..=MOST_PARTICLES).contains(&self.particles) {
+            let expected = format!("at least 1 particle, at most {MOST_PARTICLES}");
+            return Err(ConfigError::parameter("particles", self.particles, expected));
         }
         if !(0.0..=1.0).contains(&self.effective_share) {
             return Err(ConfigError::parameter(

@@ -153,7 +153,7 @@ pub(super) fn report(_: NoParams, c: OutputContext<'_>) -> Built {
 pub(super) fn overlays(p: OverlaysParams, c: OutputContext<'_>) -> Built {
     let settings = Settings { every: p.every, search: p.search, sheet: p.sheet };
     let (sensor, project) = sensor(p.sensor.as_ref(), &c);
-    Ok(Box::new(Overlays::new(c.folder, sensor, project, settings)))
+    Ok(Box::new(Overlays::create(c.folder, sensor, project, settings).map_err(failed)?))
 }
 
 pub(super) fn gif(p: GifParams, c: OutputContext<'_>) -> Built {

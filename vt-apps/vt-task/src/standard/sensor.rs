@@ -72,8 +72,8 @@ impl Params for Images {
             let found = if self.rate.is_some() { "beside `timestamps`" } else { "missing" };
             return Err(ConfigError::parameter("rate", found, "either `rate` or `timestamps`"));
         }
-        if let Some(rate) = self.rate.filter(|r| r.si() <= 0.0) {
-            return Err(ConfigError::parameter("rate", rate, "a positive rate"));
+        if let Some(rate) = self.rate.filter(|r| !(1e-6..=1e6).contains(&r.si())) {
+            return Err(ConfigError::parameter("rate", rate, "a positive rate from 1e-6 Hz to 1 MHz"));
         }
         if self.step == 0 {
             return Err(ConfigError::parameter("step", 0, "a step from 1"));
