@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Problem, TaskError, TaskErrors};
+use crate::error::{Problem, TaskError, TaskErrors, short};
 use crate::language::{FilePath, Task};
 use crate::node::{Key, Node, Span, Value, element};
 use crate::reader::{ReadError, read};
@@ -57,12 +57,21 @@ impl Document {
     ) -> Result<Self, TaskErrors> {
         let mut sources = vec![(name.to_owned(), Arc::new(text.to_owned()))];
         let root = DeTable::parse(text).map_err(|e| {
-            let span = e.span().map(|r| Span { source: 0, start: r.start, end: r.end });
+            let span = e.span().or_else(|| {
+                // Keys that are too deep come without a place: they are the line that alone has none, too.
+                let mut lines = text.split_inclusive('\n').scan(0, |at, line| {
+                    *at += line.len();
+                    Some((*at - line.len(), line))
+                });
+                let placeless = |line: &str| DeTable::parse(line).is_err_and(|e| e.span().is_none());
+                lines.find(|(_, line)| placeless(line)).map(|(at, line)| at..at + line.trim_end().len())
+            });
+            let span = span.map(|r| Span { source: 0, start: r.start, end: r.end });
             TaskError::new(Problem::Syntax(e.message().to_owned()), &sources, span)
         })?;
         let table = DeValue::Table(root.into_inner());
         let mut document = Self { root: Node::new(0..0, &table, 0), sources: vec![], base: base.to_owned() };
-        sources.extend(set.iter().map(|s| (format!("--set {s}"), Arc::new(s.clone()))));
+        sources.extend(set.iter().map(|s| (format!("--set {}", short(s)), Arc::new(s.clone()))));
         document.sources = sources;
         for (k, argument) in set.iter().enumerate() {
             document.set(k + 1, argument).map_err(|p| {
@@ -140,10 +149,10 @@ impl Document {
     /// old one, since they belong to it.
     fn set(&mut self, source: usize, argument: &str) -> Result<(), Problem> {
         let fail = |why: &str, found: &str, known: Vec<String>| Problem::Override {
-            set: argument.into(),
+            set: short(argument),
             why: why.into(),
             known,
-            found: found.into(),
+            found: short(found),
         };
         let Some((path, value)) = argument.split_once('=') else {
             return Err(fail("no `=`", argument, vec![]));

@@ -8,6 +8,18 @@ use thiserror::Error;
 
 use crate::node::Span;
 
+/// Longest line of a text that is shown around a problem, and longest piece of a text in a message.
+const LINE: usize = 1000;
+const PIECE: usize = 100;
+
+/// The beginning of a long text.
+pub(crate) fn short(text: &str) -> String {
+    match text.char_indices().nth(PIECE) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// What is wrong.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -223,6 +235,16 @@ impl TaskError {
         self.text.inner().get(..self.span?.0)
     }
 
+    /// Whether the lines of the place are short enough to be shown.
+    fn shown(&self) -> bool {
+        let Some((start, _)) = self.span else { return false };
+        let text = self.text.inner().as_bytes();
+        let (before, after) = text.split_at(start.min(text.len()));
+        let end = |b: &u8| *b == b'\n';
+        before.iter().rev().take(LINE).any(end) | (before.len() < LINE)
+            && after.iter().take(LINE).any(end) | (after.len() < LINE)
+    }
+
     /// The text at the place.
     pub fn excerpt(&self) -> Option<&str> {
         self.span.and_then(|(a, b)| self.text.inner().get(a..b))
@@ -236,16 +258,19 @@ impl Diagnostic for TaskError {
 
     fn help<'a>(&'a self) -> Option<Box<dyn core::fmt::Display + 'a>> {
         let near = self.problem.nearest().map(|n| format!("nearest: `{n}`"));
-        let parts: Vec<String> = near.into_iter().chain(self.problem.expected()).collect();
+        let place = self.line().zip(self.column()).filter(|_| !self.shown());
+        let place =
+            place.map(|(line, column)| format!("in {}, line {line}, column {column}", self.text.name()));
+        let parts: Vec<String> = place.into_iter().chain(near).chain(self.problem.expected()).collect();
         (!parts.is_empty()).then(|| Box::new(parts.join("\n")) as Box<dyn core::fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.span.map(|_| &self.text as &dyn SourceCode)
+        self.shown().then_some(&self.text as &dyn SourceCode)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let (start, end) = self.span?;
+        let (start, end) = self.span.filter(|_| self.shown())?;
         let label = self.problem.nearest().map_or_else(|| "here".to_owned(), |n| format!("nearest: {n}"));
         Some(Box::new(core::iter::once(LabeledSpan::new(Some(label), start, end - start))))
     }

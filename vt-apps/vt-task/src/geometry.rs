@@ -77,6 +77,12 @@ pub(crate) fn rotation_of(m: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(svd.u? * svd.v_t?)))
 }
 
+/// Distance of the principal point in sizes of the picture; that of a piece of a picture may lie outside.
+const FARTHEST_CENTER: f64 = 100.0;
+
+/// Largest coefficient of a lens; those of lenses that exist are below 100.
+const LARGEST_COEFFICIENT: f64 = 1e4;
+
 /// Most pixels of a picture.
 const MOST_PIXELS: u32 = 1 << 27;
 
@@ -135,6 +141,17 @@ impl CameraSection {
                 "positive focal lengths",
             ));
         }
+        let sides = self.size.map(f64::from);
+        if self.center.iter().zip(sides).any(|(c, side)| c.si().abs() > FARTHEST_CENTER * side) {
+            let expected = format!("a point at most {FARTHEST_CENTER} pictures away");
+            return Err(ConfigError::parameter("center", format!("{:?}", self.center), expected));
+        }
+        for (key, found) in self.distortion.iter().flat_map(Distortion::coefficients) {
+            if found.abs() > LARGEST_COEFFICIENT {
+                let expected = format!("a coefficient of at most {LARGEST_COEFFICIENT}");
+                return Err(ConfigError::parameter(key, found, expected));
+            }
+        }
         self.camera().map(drop)
     }
 }
@@ -147,6 +164,19 @@ pub enum Distortion {
     BrownConrady(BrownConrady),
     /// Fisheye lens of Kannala and Brandt, as in OpenCV's `fisheye`; edges are seen up to 75° off the axis.
     KannalaBrandt(KannalaBrandt),
+}
+
+impl Distortion {
+    /// The coefficients with the places where they are written.
+    fn coefficients(&self) -> Vec<(&'static str, f64)> {
+        macro_rules! listed {
+            ($d:ident: $($k:ident)+) => { vec![$((concat!("distortion.params.", stringify!($k)), $d.$k)),+] };
+        }
+        match self {
+            Self::BrownConrady(d) => listed!(d: k1 k2 p1 p2 k3),
+            Self::KannalaBrandt(d) => listed!(d: k1 k2 k3 k4),
+        }
+    }
 }
 
 /// Coefficients of the Brown–Conrady model, without unit.

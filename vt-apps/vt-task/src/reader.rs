@@ -9,7 +9,7 @@ use serde::de::{
 };
 use serde::forward_to_deserialize_any;
 
-use crate::error::Problem;
+use crate::error::{Problem, short};
 use crate::node::{Key, Node, Span, Value};
 
 /// A problem, and its place once it is known.
@@ -56,7 +56,7 @@ impl Error for ReadError {
         Problem::Value { found: "a value that is not allowed".into(), expected: message.to_string() }.into()
     }
     fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
-        Problem::Value { found: found.to_string(), expected: expected.to_string() }.into()
+        Problem::Value { found: short(&found.to_string()), expected: expected.to_string() }.into()
     }
     fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
         Self::invalid_type(found, expected)
@@ -65,10 +65,10 @@ impl Error for ReadError {
         Problem::Value { found: format!("{found} elements"), expected: expected.to_string() }.into()
     }
     fn unknown_variant(found: &str, expected: &'static [&'static str]) -> Self {
-        Problem::UnknownWord { found: found.into(), expected: owned(expected) }.into()
+        Problem::UnknownWord { found: short(found), expected: owned(expected) }.into()
     }
     fn unknown_field(found: &str, expected: &'static [&'static str]) -> Self {
-        Problem::UnknownKey { found: found.into(), expected: owned(expected) }.into()
+        Problem::UnknownKey { found: short(found), expected: owned(expected) }.into()
     }
     fn missing_field(key: &'static str) -> Self {
         Problem::MissingKey { key: key.into() }.into()
@@ -140,9 +140,24 @@ impl<'de> Deserializer<'de> for &'de Node {
         Err(ReadError::invalid_type(found, &"a word").or_at(self.span))
     }
 
+    /// A list has no keys, so it is no struct.
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        match &self.value {
+            Value::Array(_) => {
+                Err(ReadError::invalid_type(Unexpected::Seq, &"a table with keys").or_at(self.span))
+            }
+            _ => self.deserialize_any(visitor),
+        }
+    }
+
     forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq
-        tuple tuple_struct map struct identifier ignored_any
+        tuple tuple_struct map identifier ignored_any
     }
 }
 

@@ -71,7 +71,7 @@ impl Damage {
     }
 }
 
-/// One to four changes: bits, bytes, words put in, pieces gone or there twice, the rest cut off.
+/// One to three changes: bits, bytes, words put in, pieces gone or there twice, the rest cut off.
 pub fn damage() -> impl Strategy<Value = Damage> {
     let at = any::<Index>;
     let edit = prop_oneof![
@@ -82,5 +82,5 @@ pub fn damage() -> impl Strategy<Value = Damage> {
         (at(), 1..80_usize).prop_map(|(at, length)| Edit::Repeat(at, length)),
         at().prop_map(Edit::Truncate),
     ];
-    vec(edit, 1..=4).prop_map(Damage)
+    vec(edit, 1..=3).prop_map(Damage)
 }

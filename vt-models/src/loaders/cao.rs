@@ -1,7 +1,7 @@
 //! ViSP CAO, version 1: points, lines, faces, cylinders and circles in a line-oriented text.
 
 use super::primitives::{circle, frustum};
-use super::{LoadError, Loader, finish, read};
+use super::{LoadError, Loader, MAX_ELEMENTS, finish, read};
 use crate::mesh::{Mesh, MeshData, Polygon, Segment, Unit};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit as Direction, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
@@ -31,6 +31,8 @@ impl Loader for CaoLoader {
 const OPTIONS: [&str; 4] = ["name", "useLod", "minLineLengthThreshold", "minPolygonAreaThreshold"];
 /// Deepest chain of includes.
 const MAX_INCLUDES: usize = 64;
+/// Most files in all, against includes that multiply.
+const MAX_FILES: usize = 1000;
 
 /// Lines without comments, numbered from 1.
 struct Rows<'a> {
@@ -165,6 +167,13 @@ fn include(
         if open.contains(&identity) || open.len() >= MAX_INCLUDES {
             let chain = format!("`{name}`, which is being loaded already or the {MAX_INCLUDES}th in a chain");
             return Err(LoadError::syntax(path, line, chain, "no cyclic include"));
+        }
+        let elements = data.vertices.len() + data.polygons.len() + data.segments.len();
+        if data.parts.len() >= MAX_FILES || elements > MAX_ELEMENTS {
+            let found =
+                format!("{} files with {elements} points, polygons and lines before", data.parts.len());
+            let expected = format!("at most {MAX_FILES} files and {MAX_ELEMENTS} elements");
+            return Err(LoadError::syntax(path, line, found, expected));
         }
         include(&target, &(object_from_file * file_from_part), data, open)?;
     }

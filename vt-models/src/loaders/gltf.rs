@@ -2,11 +2,12 @@
 
 use super::gltf_accessor::{Buffers, data_uri, decoded};
 use super::unique::Unique;
-use super::{LoadError, Loader, MAX_POLYGONS, finish, read};
+use super::{LoadError, Loader, MAX_ELEMENTS, finish, read};
 use crate::mesh::{Image, ImageContent, Joint, Material, Mesh, MeshData, Polygon, Segment, Unit};
 use gltf::mesh::Mode;
 use gltf::{Document, Gltf, Node, Primitive, Semantic};
 use nalgebra::{Matrix4, Point3, Vector3};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Reader of `.gltf` and `.glb` files.
@@ -51,8 +52,16 @@ impl Loader for GltfLoader {
                 known: KNOWN.join(", "),
             });
         }
-        // The validation takes for granted that these accessors exist.
         let json = loose.as_json();
+        if !json.asset.version.starts_with("2.") {
+            return Err(LoadError::Element {
+                file: path.to_owned(),
+                element: "asset".into(),
+                found: format!("version `{}`", json.asset.version.chars().take(20).collect::<String>()),
+                expected: "version 2.0".into(),
+            });
+        }
+        // The validation takes for granted that these accessors exist.
         let attributes = json.meshes.iter().flat_map(|m| &m.primitives).flat_map(|p| p.attributes.values());
         if let Some(bad) = attributes.map(|a| a.value()).find(|a| *a >= json.accessors.len()) {
             return Err(LoadError::Element {
@@ -169,11 +178,11 @@ impl<'a> Reading<'a> {
         let roots: Vec<Node> = match scene {
             Some(scene) => scene.nodes().collect(),
             None => {
-                let children: Vec<usize> = document
-                    .nodes()
-                    .flat_map(|n| n.children().map(|c| c.index()).collect::<Vec<_>>())
-                    .collect();
-                document.nodes().filter(|n| !children.contains(&n.index())).collect()
+                let mut child = vec![false; document.nodes().len()];
+                for c in document.nodes().flat_map(|n| n.children().collect::<Vec<_>>()) {
+                    child.iter_mut().skip(c.index()).take(1).for_each(|c| *c = true);
+                }
+                document.nodes().filter(|n| child.get(n.index()) == Some(&false)).collect()
             }
         };
         let mut order = Vec::new();
@@ -256,12 +265,13 @@ impl<'a> Reading<'a> {
             None => {
                 let mut all = self.data.skin.take().unwrap_or_default();
                 let first = all.joints.len() as u32;
+                let places: HashMap<usize, u32> = joints.iter().map(Node::index).zip(0..).collect();
                 for (joint, frame) in joints.iter().zip(&frames) {
                     let Some(joint_from_object) = frame.try_inverse() else {
                         let found = format!("joint node {} without an inverse", joint.index());
                         return Err(self.wrong(element(), found, "a transform other than zero"));
                     };
-                    let parent = self.parent_joint(joint.index(), &joints).map(|p| first + p);
+                    let parent = self.parent_joint(joint.index(), &places).map(|p| first + p);
                     let name = joint.name().unwrap_or_default().to_owned();
                     all.joints.push(Joint { name, parent, object_from_joint: *frame, joint_from_object });
                 }
@@ -276,12 +286,12 @@ impl<'a> Reading<'a> {
     }
 
     /// The nearest ancestor of a node that is a joint, too.
-    fn parent_joint(&self, node: usize, joints: &[Node]) -> Option<u32> {
+    fn parent_joint(&self, node: usize, joints: &HashMap<usize, u32>) -> Option<u32> {
         let mut at = node;
         for _ in 0..MAX_DEPTH {
             at = self.nodes.get(at)?.as_ref()?.1?;
-            if let Some(k) = joints.iter().position(|j| j.index() == at) {
-                return Some(k as u32);
+            if let Some(k) = joints.get(&at) {
+                return Some(*k);
             }
         }
         None
@@ -359,6 +369,11 @@ impl<'a> Reading<'a> {
             self.weights[*id as usize] = *influence;
         }
         let material = material.index().map(|m| m as u32);
+        let elements = self.data.polygons.len() + self.data.segments.len() + indices.len();
+        if elements > MAX_ELEMENTS {
+            let expected = format!("at most {MAX_ELEMENTS} triangles and lines");
+            return Err(self.wrong(element, format!("up to {elements} with this primitive"), expected));
+        }
         let lines = |ends: [usize; 2]| Segment { ends: ends.map(|i| ids[i]), material, part };
         let at = |k: usize| indices[k];
         let n = indices.len();
@@ -384,9 +399,6 @@ impl<'a> Reading<'a> {
                     .collect(),
                 Mode::TriangleFan => (2..n).map(|k| [at(0), at(k - 1), at(k)]).collect(),
             };
-        if self.data.polygons.len() + triangles.len() > MAX_POLYGONS {
-            return Err(self.wrong(element, "more triangles", format!("at most {MAX_POLYGONS} in all")));
-        }
         // A transform that mirrors turns the winding round.
         let mirrored = object_from_node.fixed_view::<3, 3>(0, 0).determinant() < 0.0 && bones.is_none();
         let pick = |values: &Option<Vec<f64>>, stride: usize, k: usize| {

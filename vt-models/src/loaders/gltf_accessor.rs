@@ -5,6 +5,7 @@ use base64::Engine;
 use gltf::accessor::DataType;
 use gltf::buffer::{Source, View};
 use gltf::{Accessor, Document};
+use std::cell::Cell;
 use std::path::Path;
 
 /// Bytes of a `data:` URI, with its type; `None` for other URIs.
@@ -38,7 +39,12 @@ pub(super) fn decoded(uri: &str) -> String {
 pub(super) struct Buffers<'a> {
     path: &'a Path,
     bytes: Vec<Vec<u8>>,
+    /// Numbers that may still be read: several primitives and nodes may refer to the same ones.
+    left: Cell<usize>,
 }
+
+/// Most numbers of all accessors read.
+const MAX_NUMBERS: usize = 30_000_000;
 
 impl<'a> Buffers<'a> {
     /// Reads the buffers: the binary chunk, `data:` URIs, files beside the model.
@@ -64,7 +70,7 @@ impl<'a> Buffers<'a> {
             }
             bytes.push(content);
         }
-        Ok(Self { path, bytes })
+        Ok(Self { path, bytes, left: Cell::new(MAX_NUMBERS) })
     }
 
     /// The bytes of a view; `None` where it reaches beyond its buffer.
@@ -98,8 +104,10 @@ impl<'a> Buffers<'a> {
         let size = width * kind.size();
         let stride = view.stride().unwrap_or(size);
         let count = accessor.count();
-        let needed =
-            count.saturating_sub(1).checked_mul(stride).and_then(|n| n.checked_add(size + accessor.offset()));
+        let needed = count
+            .saturating_sub(1)
+            .checked_mul(stride)
+            .and_then(|n| n.checked_add(size)?.checked_add(accessor.offset()));
         let bytes = self.view(&view).filter(|b| needed.is_some_and(|n| n <= b.len()) && stride >= size);
         let Some(bytes) = bytes else {
             return Err(wrong(
@@ -107,6 +115,13 @@ impl<'a> Buffers<'a> {
                 "as many as its bufferView and buffer hold".into(),
             ));
         };
+        let Some(left) = self.left.get().checked_sub(count * width) else {
+            return Err(wrong(
+                format!("{count} elements more"),
+                format!("at most {MAX_NUMBERS} numbers in all"),
+            ));
+        };
+        self.left.set(left);
         let mut out = Vec::with_capacity(count * width);
         for k in 0..count {
             let start = accessor.offset() + k * stride;

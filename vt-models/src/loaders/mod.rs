@@ -23,6 +23,7 @@ pub use vrml::VrmlLoader;
 use crate::mesh::{Mesh, MeshData, MeshError, Unit};
 use std::io::Read;
 use std::path::Path;
+use vt_core::file::MOST;
 
 /// Reader of one file format.
 pub trait Loader: Sync {
@@ -46,8 +47,8 @@ pub trait Loader: Sync {
 pub static LOADERS: &[&dyn Loader] =
     &[&VrmlLoader, &ObjLoader, &CaoLoader, &PlyLoader, &StlLoader, &GltfLoader];
 
-/// Most polygons of a file whose references multiply.
-const MAX_POLYGONS: usize = 20_000_000;
+/// Most points, polygons and lines together of a file whose references multiply.
+const MAX_ELEMENTS: usize = 4_000_000;
 
 /// Reads a model file. What its first bytes say about its format counts more than the file name extension.
 ///
@@ -64,7 +65,10 @@ pub fn load_mesh(path: impl AsRef<Path>, unit: Unit) -> Result<Mesh, LoadError> 
 pub fn loader(path: &Path) -> Result<&'static dyn Loader, LoadError> {
     let mut head = Vec::new();
     // A file that cannot be read shows no content; its loader will say why.
-    if let Ok(file) = std::fs::File::open(path) {
+    // To open a pipe would wait for its writer.
+    if path.is_file()
+        && let Ok(file) = std::fs::File::open(path)
+    {
         file.take(1024).read_to_end(&mut head).ok();
     }
     let found = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -89,15 +93,9 @@ fn finish(mut data: MeshData, file: &Path, unit: Unit) -> Result<Mesh, LoadError
     Mesh::new(data).map_err(|source: MeshError| LoadError::Mesh { file: file.to_owned(), source })
 }
 
-/// All bytes of a regular file; others might never end.
+/// All bytes of a regular file of bounded size.
 fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    let regular = std::fs::metadata(path).and_then(|m| {
-        let kind = std::io::ErrorKind::InvalidInput;
-        if m.is_file() { Ok(()) } else { Err(std::io::Error::new(kind, "not a regular file")) }
-    });
-    regular
-        .and_then(|()| std::fs::read(path))
-        .map_err(|source| LoadError::Read { file: path.to_owned(), source })
+    vt_core::file::read(path, MOST).map_err(|source| LoadError::Read { file: path.to_owned(), source })
 }
 
 #[cfg(test)]

@@ -207,7 +207,7 @@ fn polygon(
         return Err(wrong(format!("vertex index {}", *bad as i32)));
     }
     if row.bad_index {
-        return Err(wrong("a list that is not of integers".into()));
+        return Err(wrong("a list of other entries than whole numbers from 0".into()));
     }
     let corner = |c: &u32| &vertices[*c as usize];
     let complete = |v: [Option<f32>; 3]| Some([v[0]?, v[1]?, v[2]?]);

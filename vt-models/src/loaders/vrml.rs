@@ -1,14 +1,17 @@
 //! VRML97 (ISO/IEC 14772-1): the `vrml97` crate parses, we walk the scene graph and compose the transforms.
 
 use super::vrml_geometry::Geometry;
-use super::{LoadError, Loader, MAX_POLYGONS, finish, read};
+use super::{LoadError, Loader, MAX_ELEMENTS, finish, read};
 use crate::mesh::{ImageContent, Material, Mesh, MeshData, Unit};
+use flate2::read::GzDecoder;
 use nalgebra::{
     Affine3, Matrix4, Rotation2, Rotation3, Scale3, Translation3, Unit as Direction, Vector2, Vector3,
 };
+use std::io::Read;
 use std::path::Path;
 use vrml97::Scene;
 use vrml97::fields::{FieldValue, Image, NodeId};
+use vt_core::file::MOST;
 
 /// Reader of `.wrl` files, plain or gzip-compressed.
 ///
@@ -39,15 +42,43 @@ impl Loader for VrmlLoader {
     fn load(&self, path: &Path, unit: Unit) -> Result<Mesh, LoadError> {
         let text = decode(path)?;
         let scene = parse(path, &text)?;
-        let mut walk = Walk { scene: &scene, file: path, data: MeshData::default(), visits: 0, inlines: 0 };
+        let data = MeshData::default();
+        let mut walk = Walk { scene: &scene, file: path, data, visits: 0, elements: 0, inlines: 0 };
         walk.roots(&Affine3::identity())?;
+        // What the parser passes over is told when nothing is left.
+        if let (true, true, Some(warning)) =
+            (walk.data.polygons.is_empty(), walk.data.segments.is_empty(), scene.warnings.first())
+        {
+            return Err(LoadError::Element {
+                file: path.to_owned(),
+                element: "scene without shape".into(),
+                found: warning.clone(),
+                expected: "nodes of VRML97".into(),
+            });
+        }
         finish(walk.data, path, unit)
     }
 }
 
 /// Text of a file, which may be compressed.
 fn decode(path: &Path) -> Result<String, LoadError> {
-    Ok(vrml97::decode_text(&vrml97::gunzip(&read(path)?)))
+    let bytes = read(path)?;
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(vrml97::decode_text(&bytes));
+    }
+    let wrong = |found: String, expected: String| LoadError::Element {
+        file: path.to_owned(),
+        element: "gzip".into(),
+        found,
+        expected,
+    };
+    let mut text = vec![];
+    let unpacked = GzDecoder::new(&bytes[..]).take(MOST + 1).read_to_end(&mut text);
+    unpacked.map_err(|e| wrong(e.to_string(), "a whole compressed file".into()))?;
+    if text.len() as u64 > MOST {
+        return Err(wrong("more bytes than that".into(), format!("at most {MOST} uncompressed")));
+    }
+    Ok(vrml97::decode_text(&text))
 }
 
 fn parse(path: &Path, text: &str) -> Result<Scene, LoadError> {
@@ -204,6 +235,8 @@ struct Walk<'a> {
     file: &'a Path,
     data: MeshData,
     visits: usize,
+    /// Points, polygons, lines and what they have, over all shapes shown.
+    elements: usize,
     /// Files that include this one.
     inlines: usize,
 }
@@ -262,8 +295,10 @@ impl Walk<'_> {
         else {
             return Ok(());
         };
-        if self.data.polygons.len() + geometry.polygon_count() > MAX_POLYGONS {
-            return Err(self.error(node, "more polygons", format!("at most {MAX_POLYGONS} in all")));
+        self.elements += geometry.elements;
+        if self.elements > MAX_ELEMENTS {
+            let expected = format!("at most {MAX_ELEMENTS} points, polygons and lines");
+            return Err(self.error(node, format!("{} with this shape", self.elements), expected));
         }
         let appearance = shape.child("appearance");
         let material = appearance.map(|appearance| self.material(appearance, &mut geometry));
@@ -342,10 +377,12 @@ impl Walk<'_> {
         let text = decode(&file)?;
         let scene = parse(&file, &text)?;
         let data = std::mem::take(&mut self.data);
-        let mut walk =
-            Walk { scene: &scene, file: &file, data, visits: self.visits, inlines: self.inlines + 1 };
+        let (elements, inlines) = (self.elements, self.inlines + 1);
+        // A file costs as much as the nodes that it might have.
+        let visits = self.visits + 100 + text.len() / 100;
+        let mut walk = Walk { scene: &scene, file: &file, data, visits, elements, inlines };
         let walked = walk.roots(object_from_node);
-        (self.data, self.visits) = (walk.data, walk.visits);
+        (self.data, self.visits, self.elements) = (walk.data, walk.visits, walk.elements);
         walked
     }
 

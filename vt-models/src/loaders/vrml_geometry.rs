@@ -1,5 +1,6 @@
 //! VRML97 geometry nodes to polygons and lines.
 
+use super::MAX_ELEMENTS;
 use super::primitives::{Solid, cuboid, frustum, sphere};
 use super::vrml::{Fields, axis_angle};
 use crate::mesh::{MeshData, Polygon, Segment, unit_normal};
@@ -10,6 +11,8 @@ use vt_core::math;
 /// Points, polygons with what they have per corner, and lines of one geometry node.
 #[derive(Default)]
 pub(super) struct Geometry {
+    /// Points, polygons, lines and attributes that were read.
+    pub elements: usize,
     solid: Solid,
     texcoords: Vec<Option<Vec<[f32; 2]>>>,
     colours: Vec<Option<Vec<[f32; 3]>>>,
@@ -43,7 +46,7 @@ impl Geometry {
             "IndexedLineSet" => return lines(node).map(Some),
             _ => return Ok(None),
         };
-        Ok(Some(Self { solid, ..Self::default() }))
+        Ok(Some(Self { elements: solid.points.len() + solid.polygons.len(), solid, ..Self::default() }))
     }
 
     /// Gives faces without texture coordinates those of the standard (6.23): the longest side of the bounding box
@@ -67,10 +70,6 @@ impl Geometry {
     /// Applies a map to all texture coordinates.
     pub fn transform_texture(&mut self, map: impl Fn([f32; 2]) -> [f32; 2]) {
         self.texcoords.iter_mut().flatten().flatten().for_each(|t| *t = map(*t));
-    }
-
-    pub fn polygon_count(&self) -> usize {
-        self.solid.polygons.len()
     }
 
     /// Adds the geometry to a mesh under construction.
@@ -171,7 +170,8 @@ fn faces(node: Fields) -> Result<Geometry, Mismatch> {
     let colour = Attribute::<3>::new(node, "color", "color", "colorIndex", Some("colorPerVertex"));
     let normal = Attribute::<3>::new(node, "normal", "vector", "normalIndex", Some("normalPerVertex"));
     let clockwise = node.flag("ccw") == Some(false);
-    let mut out = Geometry::default();
+    let attributes = texture.values.len() + colour.values.len() + normal.values.len();
+    let mut out = Geometry { elements: points.len() + indices.len() + attributes, ..Geometry::default() };
     let (mut at, mut face) = (0, 0);
     for run in indices.split(|&i| i < 0) {
         let range = at..at + run.len();
@@ -236,8 +236,9 @@ const MAX_FACES_AT_VERTEX: usize = 1000;
 /// Polylines; a polyline of one point, which modellers do write, draws nothing.
 fn lines(node: Fields) -> Result<Geometry, Mismatch> {
     let points = points(node);
-    let mut out = Geometry::default();
-    for run in node.integers("coordIndex").split(|&i| i < 0) {
+    let indices = node.integers("coordIndex");
+    let mut out = Geometry { elements: points.len() + indices.len(), ..Geometry::default() };
+    for run in indices.split(|&i| i < 0) {
         for pair in run.windows(2) {
             let end = |i| vertex(i, points.len(), "coordIndex");
             out.lines.push([end(pair[0])?, end(pair[1])?]);
@@ -261,10 +262,11 @@ fn elevation_grid(node: Fields) -> Result<Geometry, Mismatch> {
         let (x, z) = (i as u32 % nx, i as u32 / nx);
         Point3::new(dx * f64::from(x), y, dz * f64::from(z))
     });
-    let mut out =
-        Geometry { solid: Solid { points: points.collect(), polygons: vec![] }, ..Geometry::default() };
+    let solid = Solid { points: points.collect(), polygons: vec![] };
     let texture = Attribute::<2>::new(node, "texCoord", "point", "texCoord", None);
     let colour = Attribute::<3>::new(node, "color", "color", "color", Some("colorPerVertex"));
+    let elements = 2 * height.len() + texture.values.len() + colour.values.len();
+    let mut out = Geometry { elements, solid, ..Geometry::default() };
     for z in 1..nz {
         for x in 1..nx {
             let at = |x: u32, z: u32| z * nx + x;
@@ -294,6 +296,10 @@ fn extrusion(node: Fields) -> Result<Solid, Mismatch> {
     if spine.len() < 2 || section.len() < 2 {
         let found = format!("a spine of {} and a cross-section of {} points", spine.len(), section.len());
         return Err((found, "at least 2 each".into()));
+    }
+    if spine.len().saturating_mul(section.len()) > MAX_ELEMENTS {
+        let found = format!("a spine of {} and a cross-section of {} points", spine.len(), section.len());
+        return Err((found, format!("at most {MAX_ELEMENTS} points in all")));
     }
     let scale = node.floats("scale");
     let turns = node.floats("orientation");

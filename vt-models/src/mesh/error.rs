@@ -1,5 +1,11 @@
 use super::{MeshData, Skin};
 
+/// Farthest coordinate of a vertex, metres.
+const FARTHEST: f64 = 1e12;
+
+/// Most corners of a polygon.
+const MAX_CORNERS: usize = 4096;
+
 /// Why loose data is no mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -7,8 +13,10 @@ pub enum MeshError {
     /// Nothing to track.
     #[error("mesh is empty: found no polygon and no line, expected at least one")]
     Empty,
-    /// A vertex is NaN or infinite.
-    #[error("vertex {vertex} is not finite: found ({x}, {y}, {z}), expected three finite numbers")]
+    /// A vertex is NaN, infinite, or so far away that squares of distances lose all meaning.
+    #[error(
+        "vertex {vertex} is not finite or far away: found ({x:e}, {y:e}, {z:e}), expected at most {FARTHEST:e} m"
+    )]
     NotFinite {
         /// Vertex index.
         vertex: usize,
@@ -18,6 +26,20 @@ pub enum MeshError {
         y: f64,
         /// Found z.
         z: f64,
+    },
+    /// All vertices lie in one point.
+    #[error("mesh has no extent: found all {vertices} vertices in one point, expected at least two")]
+    NoExtent {
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A polygon with very many corners, which cannot be cut into triangles in good time.
+    #[error("polygon {polygon} has {found} corners, expected at most {MAX_CORNERS}")]
+    TooManyCorners {
+        /// Polygon index.
+        polygon: usize,
+        /// Corners found.
+        found: usize,
     },
     /// A reference points nowhere.
     #[error("{owner} {owner_index} refers to {what} {found}, expected an index below {limit}")]
@@ -114,7 +136,7 @@ pub(super) fn check(data: &MeshData) -> Result<(), MeshError> {
         return Err(MeshError::Empty);
     }
     for (vertex, p) in data.vertices.iter().enumerate() {
-        if !p.iter().all(|c| c.is_finite()) {
+        if !p.iter().all(|c| c.abs() <= FARTHEST) {
             return Err(MeshError::NotFinite { vertex, x: p.x, y: p.y, z: p.z });
         }
     }
@@ -129,6 +151,9 @@ pub(super) fn check(data: &MeshData) -> Result<(), MeshError> {
         let corners = polygon.corners.len();
         if corners < 3 {
             return Err(MeshError::TooFewCorners { polygon: i, found: corners });
+        }
+        if corners > MAX_CORNERS {
+            return Err(MeshError::TooManyCorners { polygon: i, found: corners });
         }
         for &c in &polygon.corners {
             below("polygon", i, "vertex", c, data.vertices.len())?;
@@ -149,6 +174,9 @@ pub(super) fn check(data: &MeshData) -> Result<(), MeshError> {
         if let Some(m) = segment.material {
             below("line", i, "material", m, data.materials.len())?;
         }
+    }
+    if data.vertices.windows(2).all(|p| p[0] == p[1]) {
+        return Err(MeshError::NoExtent { vertices: data.vertices.len() });
     }
     data.skin.as_ref().map_or(Ok(()), |skin| check_skin(skin, data.vertices.len()))
 }

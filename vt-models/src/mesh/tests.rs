@@ -56,6 +56,14 @@ fn bad_data_is_named() {
     assert_eq!(e.to_string(), "polygon 0 refers to vertex 7, expected an index below 1");
     let e = mesh(&[[0., 0., 0.]], &[&[0, 0]]).unwrap_err();
     assert_eq!(e, MeshError::TooFewCorners { polygon: 0, found: 2 });
+    let e = mesh(&[[1., 2., 3.], [1., 2., 3.]], &[&[0, 1, 0]]).unwrap_err();
+    assert_eq!(e, MeshError::NoExtent { vertices: 2 });
+    let e = mesh(&[[0., 0., 0.], [1e13, 0., 0.], [0., 1., 0.]], &[&[0, 1, 2]]).unwrap_err();
+    assert!(e.to_string().contains("vertex 1") && e.to_string().contains("1e12 m"), "{e}");
+    let ring: Vec<[f64; 3]> = (0..5000).map(|k| [f64::from(k), f64::from(k * k), 0.0]).collect();
+    let all: Vec<u32> = (0..5000).collect();
+    let e = mesh(&ring, &[&all]).unwrap_err();
+    assert_eq!(e, MeshError::TooManyCorners { polygon: 0, found: 5000 });
 }
 
 #[test]

@@ -1,6 +1,11 @@
 //! Ear clipping (Meisters 1975) of simple planar polygons.
 
+use std::cell::Cell;
+
 use nalgebra::{Point3, Vector3};
+
+/// Most corners looked at in search of ears; of a loop made to have few of them the rest is cut anywhere.
+const MAX_TESTS: usize = 400_000_000;
 
 /// Twice the vector area of a closed loop (Newell's method); its direction is the plane normal.
 pub(crate) fn newell(points: &[Point3<f64>]) -> Vector3<f64> {
@@ -49,23 +54,27 @@ pub fn triangulate(points: &[Point3<f64>]) -> Vec<[u32; 3]> {
     };
     let mut rest: Vec<usize> = (0..points.len()).collect();
     let mut triangles = Vec::with_capacity(points.len() - 2);
+    let tests = Cell::new(0);
     while rest.len() > 3 {
         let n = rest.len();
         let around = |i: usize| (rest[(i + n - 1) % n], rest[i], rest[(i + 1) % n]);
         let is_ear = |i: usize| {
             let (a, b, c) = around(i);
-            cross(a, b, c) > tiny
-                && rest.iter().all(|&q| {
-                    q == a
-                        || q == b
-                        || q == c
-                        || same(q, a)
-                        || same(q, b)
-                        || same(q, c)
-                        || cross(a, b, q) < -tiny
-                        || cross(b, c, q) < -tiny
-                        || cross(c, a, q) < -tiny
-                })
+            if cross(a, b, c) <= tiny || tests.get() > MAX_TESTS {
+                return false;
+            }
+            tests.set(tests.get() + n);
+            rest.iter().all(|&q| {
+                q == a
+                    || q == b
+                    || q == c
+                    || same(q, a)
+                    || same(q, b)
+                    || same(q, c)
+                    || cross(a, b, q) < -tiny
+                    || cross(b, c, q) < -tiny
+                    || cross(c, a, q) < -tiny
+            })
         };
         // Proper ears first, so that collinear corners stay shared with the neighbour polygons; then a corner
         // without area; then, for loops that cross themselves, any convex corner: the loop always shrinks.

@@ -44,7 +44,7 @@ fn volume(mesh: &Mesh) -> f64 {
 const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
-fn ply(format: &str, number: fn(f32) -> Vec<u8>, index: fn(i32) -> Vec<u8>) -> Vec<u8> {
+pub(super) fn ply(format: &str, number: fn(f32) -> Vec<u8>, index: fn(i32) -> Vec<u8>) -> Vec<u8> {
     let mut file = format!(
         "ply\nformat {format} 1.0\ncomment TextureFile skin.png\nelement vertex 4\nproperty float x\nproperty float y\n\
          property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float s\n\
@@ -128,7 +128,7 @@ fn ply_that_promises_too_much_is_refused() {
     }
 }
 
-fn binary_stl(header: &[u8]) -> Vec<u8> {
+pub(super) fn binary_stl(header: &[u8]) -> Vec<u8> {
     let mut file = header.to_vec();
     file.resize(80, b' ');
     file.extend(4_u32.to_le_bytes());
@@ -186,14 +186,14 @@ fn content_counts_more_than_the_name() {
     assert!(matches!(e, LoadError::Read { .. }), "{e}");
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     use ::base64::Engine;
     ::base64::engine::general_purpose::STANDARD.encode(bytes)
 }
 
 /// Buffer: 4 positions, 4 texture coordinates, 12 indices, 4 joint quadruples, 4 weight quadruples, an identity and
 /// the inverse of the second joint's frame.
-fn gltf_buffer() -> Vec<u8> {
+pub(super) fn gltf_buffer() -> Vec<u8> {
     let mut out = Vec::new();
     CORNERS.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
     CORNERS.iter().flat_map(|p| [p[0], p[1]]).for_each(|x| out.extend(x.to_le_bytes()));
@@ -212,7 +212,7 @@ fn gltf_buffer() -> Vec<u8> {
 }
 
 /// The tetrahedron under `nodes` (JSON), which say what refers to mesh 0 and skin 0.
-fn gltf(nodes: &str, buffer: &str) -> String {
+pub(super) fn gltf(nodes: &str, buffer: &str) -> String {
     let accessor = |view: u32, component: u32, count: u32, kind: &str| {
         let bounds = if view == 0 { ", \"min\": [0, 0, 0], \"max\": [1, 1, 1]" } else { "" };
         format!(
@@ -249,7 +249,7 @@ fn gltf(nodes: &str, buffer: &str) -> String {
 }
 
 /// A binary glTF of this text and buffer.
-fn glb(json: &str, buffer: &[u8]) -> Vec<u8> {
+pub(super) fn glb(json: &str, buffer: &[u8]) -> Vec<u8> {
     let mut text = json.as_bytes().to_vec();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut out = b"glTF".to_vec();
@@ -264,7 +264,7 @@ fn glb(json: &str, buffer: &[u8]) -> Vec<u8> {
     out
 }
 
-const PLAIN: &str = r#"{"name": "top", "translation": [0, 0, 5], "scale": [2, 2, 2], "children": [1]},
+pub(super) const PLAIN: &str = r#"{"name": "top", "translation": [0, 0, 5], "scale": [2, 2, 2], "children": [1]},
     {"children": [2]}, {"mesh": 0, "rotation": [0, 0, 1, 0], "name": "leaf"}"#;
 
 #[test]
