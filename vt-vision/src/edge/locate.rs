@@ -118,14 +118,15 @@ where
             let Some(image) = pyramid.and_then(|p| p.levels.get(level as usize - 1)) else { continue };
             let pixel = f64::from(1u32 << level);
             let Some(deviation) = self.search(image, level, pose, &spread) else { break };
-            self.align(pose, root, deviation.clamp(pixel, 0.5 * most * pixel), pixel);
+            // A range below two pixels leaves no room above the least deviation.
+            self.align(pose, root, deviation.min(0.5 * most * pixel).max(pixel), pixel);
             spread.fill(0.0);
         }
         for _ in 0..self.params.searches {
             let Some(deviation) = self.search(image, 0, pose, &spread) else { return false };
             let sigma = self.params.sigma;
             let first = if start > 0 { least } else { deviation };
-            if self.align(pose, root, first.clamp(sigma, 0.5 * most), sigma) < MOVED {
+            if self.align(pose, root, first.min(0.5 * most).max(sigma), sigma) < MOVED {
                 break;
             }
             // The next search starts near the contour: only the least range is needed.

@@ -129,6 +129,9 @@ impl Edges {
     }
 }
 
+/// More sites than this are refused.
+const MOST_SITES: usize = 100_000;
+
 impl Params for Edges {
     fn check(&self) -> Result<(), ConfigError> {
         if self.step.si() < 1.0 {
@@ -137,8 +140,9 @@ impl Params for Edges {
         if self.min_length.si() <= 0.0 {
             return Err(ConfigError::parameter("min_length", self.min_length, "a positive number of pixels"));
         }
-        if self.max_sites == 0 {
-            return Err(ConfigError::parameter("max_sites", 0, "at least 1 site"));
+        if !(1..=MOST_SITES).contains(&self.max_sites) {
+            let expected = format!("at least 1 site, at most {MOST_SITES}");
+            return Err(ConfigError::parameter("max_sites", self.max_sites, expected));
         }
         if !(self.crease_angle.si() > 0.0 && self.crease_angle.si() < core::f64::consts::PI) {
             return Err(ConfigError::parameter(
