@@ -89,7 +89,7 @@ impl Inspection {
             file: file.to_owned(),
             element: "edges".into(),
             found: e.to_string(),
-            expected: "a model with edges".into(),
+            expected: "a model whose edges can be found".into(),
         })?;
         let (diagnostics, symmetries) = (diagnose(&mesh), Symmetries::find(&mesh));
         Ok(Self { file: file.to_owned(), format, unit, mesh, edges, diagnostics, symmetries })

@@ -14,17 +14,20 @@ pub(super) struct Raw {
 /// Largest bend between sides of one line, as a sine (0.1°); keeps fine polygons from becoming straight.
 const BEND: f64 = 1.745e-3;
 
+/// Most pairs of sides whose boxes touch: some ten a side are usual.
+const MAX_PAIRS: usize = 20_000_000;
+
 /// Cuts the sides of each straight line at all their ends, judges every interval by all sheets on it, and joins
-/// neighbours judged alike.
+/// neighbours judged alike. `None` where too many sides lie at one place.
 pub(super) fn join(
     raw: &[Raw],
     points: &[Point3<f64>],
     tolerance: f64,
     judge: &Judge,
     report: &mut MeshReport,
-) -> Vec<Edge> {
+) -> Option<Vec<Edge>> {
     let mut edges = Vec::with_capacity(raw.len());
-    for group in groups(raw, points, tolerance) {
+    for group in groups(raw, points, tolerance)? {
         if fits_a_line(&group, raw, points, tolerance) {
             intervals(&group, raw, points, tolerance, judge, &mut edges, report);
         } else {
@@ -33,21 +36,22 @@ pub(super) fn join(
             }
         }
     }
-    edges
+    Some(edges)
 }
 
-/// Indices of sides that hang together on a line, ordered by their first member.
-fn groups(raw: &[Raw], points: &[Point3<f64>], tolerance: f64) -> Vec<Vec<usize>> {
+/// Indices of sides that hang together on a line, ordered by their first member; `None` beyond [`MAX_PAIRS`].
+fn groups(raw: &[Raw], points: &[Point3<f64>], tolerance: f64) -> Option<Vec<Vec<usize>>> {
     let n = raw.len();
     let end = |i: usize, k: usize| points[raw[i].ends[k] as usize];
     let low: Vec<Point3<f64>> = (0..n).map(|i| end(i, 0).inf(&end(i, 1))).collect();
     let high: Vec<Point3<f64>> = (0..n).map(|i| end(i, 0).sup(&end(i, 1))).collect();
-    let Some(first) = low.first() else { return Vec::new() };
+    let Some(first) = low.first() else { return Some(Vec::new()) };
     let (min, max) = low.iter().zip(&high).fold((*first, *first), |(a, b), (l, h)| (a.inf(l), b.sup(h)));
     let axis = (max - min).imax();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| low[i][axis].total_cmp(&low[j][axis]).then(i.cmp(&j)));
     let mut parent: Vec<usize> = (0..n).collect();
+    let mut pairs = 0_usize;
     for (k, &i) in order.iter().enumerate() {
         for &j in &order[k + 1..] {
             if low[j][axis] > high[i][axis] + tolerance {
@@ -57,6 +61,10 @@ fn groups(raw: &[Raw], points: &[Point3<f64>], tolerance: f64) -> Vec<Vec<usize>
                 (0..3).any(|a| low[j][a] > high[i][a] + tolerance || low[i][a] > high[j][a] + tolerance);
             if apart {
                 continue;
+            }
+            pairs += 1;
+            if pairs > MAX_PAIRS {
+                return None;
             }
             let (ri, rj) = (root(&mut parent, i), root(&mut parent, j));
             if ri != rj && on_one_line([end(i, 0), end(i, 1)], [end(j, 0), end(j, 1)], tolerance) {
@@ -69,7 +77,7 @@ fn groups(raw: &[Raw], points: &[Point3<f64>], tolerance: f64) -> Vec<Vec<usize>
         members[root(&mut parent, i)].push(i);
     }
     members.retain(|m| !m.is_empty());
-    members
+    Some(members)
 }
 
 fn root(parent: &mut [usize], mut i: usize) -> usize {

@@ -35,17 +35,20 @@ impl Default for EdgeOptions {
     }
 }
 
-/// An option outside its range.
+/// An option outside its range, or a mesh whose sides cannot be compared in good time.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("edge option {name}: found {found}, expected {expected}")]
-pub struct EdgeOptionError {
-    /// Field name.
+#[error("{name} of the edges: found {found}, expected {expected}")]
+pub struct EdgeError {
+    /// Field name, or what is counted.
     pub name: &'static str,
     /// Its value.
     pub found: f64,
     /// Its range.
     pub expected: &'static str,
 }
+
+/// Most faces at one side; they are compared with each other.
+const MAX_SHEETS: usize = 1000;
 
 /// One straight edge in the object frame.
 #[derive(Clone, Debug)]
@@ -110,11 +113,11 @@ impl EdgeModel {
     /// Finds the edges of a mesh.
     ///
     /// # Errors
-    /// [`EdgeOptionError`] for an option out of range.
-    pub fn new(mesh: &Mesh, options: &EdgeOptions) -> Result<Self, EdgeOptionError> {
+    /// [`EdgeError`] for an option out of range, or a mesh with very many faces at one side or sides at one place.
+    pub fn new(mesh: &Mesh, options: &EdgeOptions) -> Result<Self, EdgeError> {
         let half_turn = std::f64::consts::PI;
         let check = |name, found: f64, ok: bool, expected| {
-            if ok { Ok(()) } else { Err(EdgeOptionError { name, found, expected }) }
+            if ok { Ok(()) } else { Err(EdgeError { name, found, expected }) }
         };
         let EdgeOptions { crease_angle, coplanar_angle, weld } = *options;
         check(
@@ -130,12 +133,16 @@ impl EdgeModel {
         let (ids, points) = weld::weld(mesh.vertices(), tolerance);
         let mut report = MeshReport { vertices: ids.len(), welded: points.len(), ..Default::default() };
         let raw = raw_edges(mesh, &ids, &points, &mut report);
+        let sheets = raw.iter().map(|r| r.sheets.len()).max().unwrap_or(0);
+        check("faces at one side", sheets as f64, sheets <= MAX_SHEETS, "at most 1000")?;
         let judge = sheet::Judge::new(crease_angle, coplanar_angle);
         // Flat edges go before the costly search for collinear neighbours.
         let before = raw.len();
         let raw: Vec<Raw> = raw.into_iter().filter(|r| judge.edge(&r.sheets, r.line).is_some()).collect();
         report.coplanar = before - raw.len();
         let edges = collinear::join(&raw, &points, 2.0 * tolerance, &judge, &mut report);
+        let expected = "sides in fewer than 20 million pairs that may touch";
+        let edges = edges.ok_or(EdgeError { name: "sides", found: raw.len() as f64, expected })?;
         for edge in &edges {
             *match edge.kind {
                 EdgeKind::Crease => &mut report.creases,

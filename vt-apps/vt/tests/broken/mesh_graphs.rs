@@ -179,6 +179,33 @@ fn gltf(nodes: &str, more: &str) -> String {
 }
 
 #[test]
+fn sides_without_number() {
+    let points: String =
+        (0..20_000).map(|k| format!("v {} {} {}\n", k % 97 + 1, k % 89 + 1, k % 83)).collect();
+    let book: String = (3..20_000).map(|k| format!("f 1 2 {k}\n")).collect();
+    let star: String = (3..20_000).map(|k| format!("l 1 {k}\n")).collect();
+    let case =
+        |what, text: String, words| case(what, "model inspect a.obj", vec![file("a.obj", &text)], words);
+    check(vec![
+        case(
+            "faces at one side",
+            format!("v 0 0 0\nv 0 0 10\n{points}{book}"),
+            &["a.obj", "faces at one side", "at most 1000"],
+        ),
+        case(
+            "lines at one place",
+            format!("v 0 0 0\nv 0 0 10\n{points}{star}"),
+            &["a.obj", "sides of the edges", "20 million pairs"],
+        ),
+        case(
+            "face of many corners",
+            format!("{points}f {}\n", (1..5000).map(|k| format!("{k} ")).collect::<String>()),
+            &["a.obj", "polygon 0", "at most 4096"],
+        ),
+    ]);
+}
+
+#[test]
 fn gltf_graphs() {
     let leaf = r#"{"mesh": 0}"#;
     let deep: Vec<String> =

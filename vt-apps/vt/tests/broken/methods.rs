@@ -258,6 +258,12 @@ fn wrong_parameters() {
         ),
         task("range of a search", SIGMA, "range = [\"9 px\", \"3 px\"]", &["task.toml:20", "ascending"]),
         task("sites without number", SIGMA, "max_sites = 0", &["task.toml:20", "at least 1 site"]),
+        task(
+            "sites without end",
+            SIGMA,
+            "max_sites = 9223372036854775807",
+            &["task.toml:20", "at most 100000"],
+        ),
         task("too many candidates", SIGMA, "max_candidates = 1000000000", &["task.toml:20", "1 to 32"]),
         task(
             "locked axis",
