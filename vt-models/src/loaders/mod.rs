@@ -11,6 +11,7 @@ mod stl;
 mod unique;
 mod vrml;
 mod vrml_geometry;
+mod vrml_text;
 
 pub use cao::CaoLoader;
 pub use error::LoadError;
