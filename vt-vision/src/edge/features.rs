@@ -10,6 +10,8 @@ use super::mixture::EdgeMixture;
 /// One contour point with the edge that was matched to it.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeRow {
+    /// Model edge.
+    pub edge: u32,
     /// Point of the contour on the model, body coordinates, metres.
     pub point: Point3<f64>,
     /// Normal of the contour in the image.

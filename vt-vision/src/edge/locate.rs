@@ -22,13 +22,16 @@ use vt_models::visibility::EdgeSite;
 const STILL: f64 = 0.01;
 
 /// Search again when the contour moved more than this on average since the last search, pixels.
-const MOVED: f64 = 1.0;
+const MOVED: f64 = 0.1;
 
 /// Weight of the prior's information in the alignment: it decides where the data are silent and nothing else.
 const TIE: f64 = 1e-3;
 
 /// Residuals of a pose that is compared with others count on this scale: that of the model's and lens's own errors, pixels.
 const COMPARED: f64 = 1.0;
+
+/// Most starts where the longest search range covers the prediction's uncertainty and the least one does not.
+const NEAR_STARTS: u32 = 8;
 
 /// Share of the contour that must be supported for a pose to be taken without trying further starts.
 const CONVINCING: f64 = 0.85;
@@ -56,17 +59,20 @@ where
         prior: &Gaussian<P>,
         root: &Square<P>,
     ) -> Option<P> {
+        let needed = self.reach(&prior.mean, &prior.covariance);
         let levels = pyramid.map_or(0, |p| p.levels.len() as u32);
-        let start = self.coarsest(&prior.mean, &prior.covariance, levels);
-        if start == 0 {
-            let mut pose = prior.mean.clone();
-            return self.converge(image, None, 0, &mut pose, &prior.covariance, root).then_some(pose);
-        }
+        let [least, most] = self.params.range;
+        let start = (0..levels).find(|&l| needed <= most * f64::from(1u32 << l)).unwrap_or(levels);
+        let starts = match start {
+            0 if needed <= least => 1,
+            0 => self.params.starts.min(NEAR_STARTS),
+            _ => self.params.starts,
+        };
         let dim = prior.mean.dim();
         let sequence = LowDiscrepancy::new(root.nrows());
         let mut best: Option<(f64, P)> = None;
         let mut current = false;
-        for k in 0..self.params.starts {
+        for k in 0..starts {
             let mut pose = prior.mean.clone();
             if k > 0 {
                 let mut offset = pose.zero();
@@ -82,6 +88,9 @@ where
             }
             let mixture = &self.features.mixture;
             let (score, support) = mixture.compare(&pose, COMPARED);
+            if starts == 1 {
+                return Some(pose);
+            }
             let agreed =
                 best.as_ref().is_some_and(|(_, other)| mixture.motion(&pose.local(other)) < COMPARED);
             current = best.as_ref().is_none_or(|(most, _)| score > *most);
@@ -208,8 +217,8 @@ where
         (lines > 0).then(|| (squares / lines as f64).sqrt())
     }
 
-    /// Lowest pyramid level, at most `levels`, on which the longest search range covers three predicted deviations.
-    fn coarsest(&mut self, pose: &P, spread: &Square<P>, levels: u32) -> u32 {
+    /// Three deviations of the least certain contour point in the picture, pixels.
+    fn reach(&mut self, pose: &P, spread: &Square<P>) -> f64 {
         let posed = self.features.mixture.warp.at(pose);
         let sites = self.visibility.visible(pose);
         let mut widest = 0.0f64;
@@ -219,8 +228,7 @@ where
                 widest = widest.max((spread * &j).dot(&j));
             }
         }
-        let needed = 3.0 * widest.sqrt();
-        (0..levels).find(|&l| needed <= self.params.range[1] * f64::from(1u32 << l)).unwrap_or(levels)
+        3.0 * widest.sqrt()
     }
 
     /// Moves `pose` to the nearest maximum of the contour likelihood, from the scale `sigma` down to `last`, in

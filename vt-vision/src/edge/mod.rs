@@ -8,6 +8,8 @@ mod modality;
 mod params;
 mod pixel_modality;
 mod pixels;
+mod residuals;
+mod rivals;
 mod sketch;
 
 pub use features::{EdgeFeatures, EdgeRow};

@@ -1,6 +1,6 @@
 //! The edge modality: model contour against image edges (RAPiD, Harris 1990; Drummond and Cipolla 2002).
 
-use nalgebra::{DefaultAllocator, Point3};
+use nalgebra::{DefaultAllocator, Dim, Point3};
 use vt_core::agent::{Posed, Visibility, Warp};
 use vt_core::belief::{Gaussian, cholesky};
 use vt_core::dynamics::semidefinite_root;
@@ -16,6 +16,8 @@ use super::features::{EdgeFeatures, EdgeRow};
 use super::memory::AppearanceMemory;
 use super::mixture::EdgeMixture;
 use super::params::EdgeParams;
+use super::residuals::Residuals;
+use super::rivals::Rivals;
 use crate::edge_search::{EdgeCandidate, NOISE_GAIN};
 use crate::noise::noise_deviation;
 use crate::pyramid::{Pyramid, PyramidProcessing};
@@ -44,7 +46,8 @@ where
     /// Smallest step that counts as an edge in this frame, grey levels.
     pub(super) min_contrast: f64,
     noise: Vec<u16>,
-    deviations: Vec<f64>,
+    residuals: Residuals,
+    rivals: Rivals,
     seen: bool,
 }
 
@@ -83,7 +86,8 @@ where
             found: Vec::with_capacity(params.max_candidates + 1),
             min_contrast: params.min_contrast,
             noise: vec![],
-            deviations: Vec::with_capacity(ROOM),
+            residuals: Residuals::default(),
+            rivals: Rivals::with_capacity(ROOM),
             seen: false,
         }
     }
@@ -93,12 +97,12 @@ where
         self.object.as_ref().filter(|_| self.seen)
     }
 
-    /// Matches to every line its most probable edge at `pose`, estimates the scale of the residuals and remembers
-    /// what the object looks like beside them.
+    /// Matches to every line its most probable edge at `pose`, estimates the noise of localisation and remembers what
+    /// the object looks like beside them.
     fn associate(&mut self, pose: &P) {
         let EdgeFeatures { rows, mixture } = &mut self.features;
         rows.clear();
-        self.deviations.clear();
+        self.residuals.clear();
         let posed = mixture.warp.at(pose);
         let sigma = self.params.sigma;
         for line in &mixture.lines {
@@ -107,10 +111,11 @@ where
             let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
-                self.deviations.push((edge.position - u).abs());
                 self.memory.observe(line.edge, &line.point, &line.tangent, line.contour, edge.sides);
             }
+            self.residuals.add(line.edge, line.weight, probability, edge.position - u);
             rows.push(EdgeRow {
+                edge: line.edge,
                 point: line.point,
                 normal: line.normal,
                 position: edge.position,
@@ -118,18 +123,13 @@ where
                 weight: probability,
             });
         }
-        let floor = self.params.localization;
-        let scale = match self.deviations.len() {
-            0 => sigma,
-            n => {
-                let (_, median, _) = self.deviations.select_nth_unstable_by(n / 2, f64::total_cmp);
-                (1.4826 * *median).max(floor)
-            }
-        };
-        mixture.sigma = scale.max(sigma);
-        for row in rows {
-            row.variance *= scale * scale;
+        let variance = self.residuals.variance(pose.dim().value(), self.params.localization);
+        mixture.sigma = variance.sqrt().max(sigma);
+        let variance = variance * self.residuals.inflation();
+        for row in rows.iter_mut() {
+            row.variance *= variance;
         }
+        self.rivals.leave_out(&posed, rows);
     }
 
     /// The pose that fits the matched edges best, with their information.

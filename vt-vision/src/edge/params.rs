@@ -28,7 +28,7 @@ pub struct EdgeParams {
     pub range: [f64; 2],
     /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: f64,
-    /// Least standard deviation of the localisation of an edge point; the residuals of the picture may say more.
+    /// Expected standard deviation of the localisation of an edge point; the residuals of the picture correct it.
     pub localization: f64,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
@@ -57,7 +57,7 @@ impl Default for EdgeParams {
             max_candidates: 6,
             range: [6.0, 30.0],
             sigma: 0.4,
-            localization: 0.4,
+            localization: 0.05,
             miss_probability: 0.1,
             clutter_density: 0.03,
             correlation_length: 16.0,

@@ -136,7 +136,7 @@ fn coarse_levels_find_a_box_thirty_pixels_away() {
         // Thirty pixels across the view, whatever the attitude.
         let shift = truth.rotation.inverse() * Vector3::new(30.0 * x, 30.0 * y, 0.0) * (0.4 / 1000.0);
         let prior = prior(&truth, &tangent(shift.into(), [0.0; 3]), 15.0 * 0.4 / 1000.0, 1.0);
-        let params = EdgeParams { coarse_levels, range: [6.0, 20.0], ..EdgeParams::default() };
+        let params = EdgeParams { coarse_levels, range: [6.0, 20.0], starts: 1, ..EdgeParams::default() };
         let found = find(&solid, &camera, params, FREE, &evidence, &prior);
         contour_error(&solid, &camera, &truth, &found)
     };

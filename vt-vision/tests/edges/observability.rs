@@ -58,20 +58,21 @@ fn a_cylinder_has_almost_no_information_about_its_axis() {
     let solid = cylinder(radius, 0.06, 64);
     let truth = pose([60.0, 0.0, 15.0], [0.0, 0.0, 0.3]);
     let offset = tangent([0.002, 0.001, 0.0], [2.0, 1.0, 2.0]);
-    // Errors correlated over most of a long edge, and the default: the claim scales with it, the rest must not.
+    // The claim scales with the length over which errors are correlated, the rest must not.
     let long = EdgeParams { correlation_length: 48.0, ..Default::default() };
-    for (params, least) in [(long, 0.1), (EdgeParams::default(), 0.0)] {
+    let facet = core::f64::consts::TAU / 64.0;
+    for params in [long, EdgeParams::default()] {
         for (equations, moved) in measured(&solid, &truth, &offset, params) {
             let a = &equations.information;
             // A turn by 1 rad moves the surface by one radius.
             let share = a[(5, 5)] / (radius * radius * a[(0, 0)]);
             assert!(equations.rows > 0 && share < 0.01, "share {share}");
-            // The facets alone show the turn: whatever was found lies within the deviation claimed.
-            let deviation = 1.0 / a[(5, 5)].sqrt();
+            // The facets alone show the turn, and all of them look the same.
+            let facets = (moved[5] + 2f64.to_radians()) / facet;
+            let deviation = 1.0 / a[(5, 5)].sqrt() / facet;
             assert!(
-                deviation > least && moved[5].abs() < 2.0 * deviation,
-                "turned {}, claimed {deviation}",
-                moved[5]
+                (facets - facets.round()).abs() < 3.0 * deviation && facets.abs() < 2.0,
+                "off by {facets} facets, claimed {deviation}"
             );
             assert!((moved[3].to_degrees() + 2.0).abs() < 0.2, "tilted {}", moved[3]);
         }

@@ -41,7 +41,7 @@ pub struct Edges {
     pub range: [Pixels; 2],
     /// Distance from the contour at which an edge point still counts as the contour's, as a standard deviation.
     pub sigma: Pixels,
-    /// Least standard deviation of the localisation of an edge point.
+    /// Expected standard deviation of the localisation of an edge point; the residuals of the picture correct it.
     pub localization: Pixels,
     /// Probability that a visible contour point gives no edge.
     pub miss_probability: f64,
