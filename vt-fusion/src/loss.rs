@@ -18,7 +18,7 @@ pub struct Hysteresis {
 
 impl Default for Hysteresis {
     fn default() -> Self {
-        Self::new(3, 5)
+        Self::new(2, 5)
     }
 }
 
@@ -55,67 +55,128 @@ impl Hysteresis {
     }
 }
 
-/// Weights of the logistic model `p = 1 / (1 + exp(−(bias + Σ w x)))` over the figures of a step.
+/// Signs of loss in the figures of one step: what the model below weighs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossSigns {
+    /// Share of contour (pixels, matches) that is not supported: `1 − inlier ratio`.
+    pub unsupported: f64,
+    /// Mean log-likelihood ratio against clutter, in nats.
+    pub log_ratio: f64,
+    /// Normalised root mean square of the inliers, 3 at most.
+    pub misfit: f64,
+    /// `ln(1 + NIS / dof)`: surprise of the measurement.
+    pub surprise: f64,
+    /// Scaled log-determinant of the covariance per degree of freedom, from −20 to 20.
+    pub spread: f64,
+}
+
+impl LossSigns {
+    /// The signs of a step; `None` when it had no measurement.
+    pub fn new(figures: &Assessment) -> Option<Self> {
+        let q = figures.quality.filter(|q| q.expected > 0)?;
+        let innovation = figures.innovation.filter(|i| i.dof > 0);
+        Some(Self {
+            unsupported: 1.0 - q.inlier_ratio,
+            log_ratio: q.log_ratio,
+            misfit: q.normalized_rms.min(3.0),
+            surprise: innovation.map_or(0.0, |i| math::ln_1p(i.nis / i.dof as f64)),
+            spread: spread(figures),
+        })
+    }
+}
+
+fn spread(figures: &Assessment) -> f64 {
+    figures.log_det.unwrap_or(0.0).clamp(-20.0, 20.0)
+}
+
+/// Weights of the logistic model `p = 1 / (1 + exp(−(bias + Σ w x)))` over [`LossSigns`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossWeights {
     /// Constant.
     pub bias: f64,
-    /// Of the share of contour (pixels, matches) that is not supported: `1 − inlier ratio`.
+    /// Of [`LossSigns::unsupported`].
     pub unsupported: f64,
-    /// Of the mean log-likelihood ratio against clutter, in nats.
+    /// Of [`LossSigns::log_ratio`].
     pub log_ratio: f64,
-    /// Of `ln(1 + NIS / dof)`: surprise of the measurement.
+    /// Of [`LossSigns::misfit`].
+    pub misfit: f64,
+    /// Of [`LossSigns::surprise`].
     pub surprise: f64,
-    /// Of the scaled log-determinant of the covariance per degree of freedom, above zero.
+    /// Of [`LossSigns::spread`].
     pub spread: f64,
 }
 
 impl Default for LossWeights {
-    /// An expert's prior: half of the contour unsupported or a covariance ten times the design deviation is doubtful.
+    /// Fitted to the edge tracker on simulated scenes (`docs/loss.md`). The share of unsupported contour adds nothing
+    /// to the likelihood ratio there; its weight is for evidence without one.
     fn default() -> Self {
-        Self { bias: -5.0, unsupported: 10.0, log_ratio: -0.25, surprise: 0.4, spread: 1.0 }
+        Self { bias: 6.3, unsupported: 0.0, log_ratio: -1.4, misfit: 1.0, surprise: 1.0, spread: 1.3 }
     }
 }
 
-/// Several signs of loss in one logistic model, with hysteresis.
-#[derive(Clone, Copy, Debug, Default)]
+impl LossWeights {
+    /// Log-odds of a loss.
+    pub fn log_odds(&self, x: &LossSigns) -> f64 {
+        self.bias
+            + self.unsupported * x.unsupported
+            + self.log_ratio * x.log_ratio
+            + self.misfit * x.misfit
+            + self.surprise * x.surprise
+            + self.spread * x.spread
+    }
+}
+
+/// Several signs of loss in one logistic model, with a memory of the steps before and hysteresis.
+#[derive(Clone, Copy, Debug)]
 pub struct FusedLoss {
     weights: LossWeights,
+    memory: f64,
     hysteresis: Hysteresis,
+    /// Log-odds of a loss so far.
+    log_odds: Option<f64>,
+}
+
+/// Largest log-odds that one step can tell: what comes next must be able to outweigh it soon.
+const MOST: f64 = 8.0;
+
+impl Default for FusedLoss {
+    fn default() -> Self {
+        Self::new(LossWeights::default(), Self::MEMORY, Hysteresis::default())
+    }
 }
 
 impl FusedLoss {
-    /// A detector with these weights and this hysteresis.
-    pub fn new(weights: LossWeights, hysteresis: Hysteresis) -> Self {
-        Self { weights, hysteresis }
+    /// Share of the log-odds that the default keeps from step to step.
+    pub const MEMORY: f64 = 0.5;
+
+    /// A detector with these weights and this hysteresis, which keeps the share `memory` (0 to 1) of its log-odds from
+    /// step to step.
+    pub fn new(weights: LossWeights, memory: f64, hysteresis: Hysteresis) -> Self {
+        Self { weights, memory: memory.clamp(0.0, 1.0), hysteresis, log_odds: None }
     }
 
-    /// Probability of loss from one step's figures alone. A step without a measurement is as likely a loss as not:
+    /// Log-odds of a loss from one step's figures alone. A step without a measurement is as likely a loss as not:
     /// it says nothing about the target, and the spread of the prediction grows by itself.
-    pub fn probability(&self, figures: &Assessment) -> f64 {
-        let w = &self.weights;
-        let spread = w.spread * figures.log_det.unwrap_or(0.0).max(0.0);
-        let Some(q) = figures.quality.filter(|q| q.expected > 0) else {
-            return math::logistic(0.1 + spread);
+    pub fn log_odds(&self, figures: &Assessment) -> f64 {
+        let x = match LossSigns::new(figures) {
+            Some(signs) => self.weights.log_odds(&signs),
+            None => 0.1 + spread(figures).max(0.0),
         };
-        let surprise =
-            figures.innovation.filter(|i| i.dof > 0).map_or(0.0, |i| math::ln_1p(i.nis / i.dof as f64));
-        let x = w.bias
-            + w.unsupported * (1.0 - q.inlier_ratio)
-            + w.log_ratio * q.log_ratio
-            + w.surprise * surprise
-            + spread;
-        if x.is_nan() { 1.0 } else { math::logistic(x) }
+        if x.is_nan() { MOST } else { x.clamp(-MOST, MOST) }
     }
 }
 
 impl LossDetector for FusedLoss {
     fn assess(&mut self, figures: &Assessment) -> Verdict {
-        let loss_probability = self.probability(figures);
+        let new = self.log_odds(figures);
+        let log_odds = self.log_odds.map_or(new, |old| self.memory * old + (1.0 - self.memory) * new);
+        self.log_odds = Some(log_odds);
+        let loss_probability = math::logistic(log_odds);
         Verdict { status: self.hysteresis.step(loss_probability), loss_probability }
     }
 
     fn reset(&mut self) {
+        self.log_odds = None;
         self.hysteresis.reset();
     }
 }
@@ -174,13 +235,40 @@ mod tests {
     }
 
     #[test]
-    fn probability_falls_with_support_and_grows_with_surprise() {
+    fn log_odds_fall_with_support_and_grow_with_surprise() {
         let d = FusedLoss::default();
-        assert!(d.probability(&figures(0.9, 6.0)) < 0.05);
-        assert!(d.probability(&figures(0.3, 6.0)) > 0.5);
-        assert!(d.probability(&figures(0.7, 600.0)) > d.probability(&figures(0.7, 6.0)));
-        assert!(d.probability(&Assessment::default()) > 0.5);
-        assert_eq!(d.probability(&figures(f64::NAN, 6.0)), 1.0);
+        assert!(d.log_odds(&figures(0.9, 6.0)) < -1.0);
+        assert!(d.log_odds(&figures(0.1, 600.0)) > 1.0);
+        assert!(d.log_odds(&figures(0.7, 600.0)) > d.log_odds(&figures(0.7, 6.0)));
+        assert!(d.log_odds(&Assessment::default()) > 0.0);
+        assert_eq!(d.log_odds(&figures(f64::NAN, 6.0)), MOST);
+    }
+
+    #[test]
+    fn one_bad_step_among_good_ones_is_no_loss_but_several_are() {
+        let (good, bad) = (figures(0.95, 6.0), figures(0.0, 1e9));
+        let mut d = FusedLoss::default();
+        let mut status = |f: &Assessment| d.assess(f).status;
+        for _ in 0..5 {
+            assert_eq!(status(&good), Status::Tracking);
+        }
+        assert_ne!(status(&bad), Status::Lost);
+        assert_ne!(status(&good), Status::Lost);
+        for _ in 0..3 {
+            assert_eq!(status(&good), Status::Tracking);
+        }
+        let delay = (0..10).position(|_| status(&bad) == Status::Lost);
+        assert!(delay.is_some_and(|d| d <= 3), "{delay:?}");
+        d.reset();
+        assert_eq!(d.assess(&good).status, Status::Tracking);
+    }
+
+    #[test]
+    fn without_memory_a_verdict_depends_on_its_step_alone() {
+        let mut d = FusedLoss::new(LossWeights::default(), 0.0, Hysteresis::default());
+        d.assess(&figures(0.0, 1e9));
+        let f = figures(0.8, 6.0);
+        assert_eq!(d.assess(&f).loss_probability, math::logistic(d.log_odds(&f)));
     }
 
     #[test]

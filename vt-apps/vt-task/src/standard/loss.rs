@@ -22,17 +22,22 @@ pub struct Fused {
     pub unsupported: f64,
     /// Weight of the mean log-likelihood ratio against clutter.
     pub log_ratio: f64,
+    /// Weight of the normalised root mean square of the inliers.
+    pub misfit: f64,
     /// Weight of `ln(1 + NIS / dof)`.
     pub surprise: f64,
     /// Weight of the spread of the covariance.
     pub spread: f64,
+    /// Share of the log-odds kept from step to step, from 0 to 1.
+    pub memory: f64,
 }
 
 impl Default for Fused {
     fn default() -> Self {
         let (h, w) = (Hysteresis::default(), LossWeights::default());
-        let LossWeights { bias, unsupported, log_ratio, surprise, spread } = w;
-        Self { on: h.on, off: h.off, bias, unsupported, log_ratio, surprise, spread }
+        let LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread } = w;
+        let memory = FusedLoss::MEMORY;
+        Self { on: h.on, off: h.off, bias, unsupported, log_ratio, misfit, surprise, spread, memory }
     }
 }
 
@@ -45,6 +50,9 @@ fn hysteresis(on: u32, off: u32) -> Result<(), ConfigError> {
 
 impl Params for Fused {
     fn check(&self) -> Result<(), ConfigError> {
+        if !(0.0..1.0).contains(&self.memory) {
+            return Err(ConfigError::parameter("memory", self.memory, "a share from 0 to below 1"));
+        }
         hysteresis(self.on, self.off)
     }
 }
@@ -94,9 +102,9 @@ impl Params for Covariance {
 type Built = Result<Box<dyn LossDetector>, ConfigError>;
 
 pub(super) fn fused(p: Fused, _: ()) -> Built {
-    let Fused { on, off, bias, unsupported, log_ratio, surprise, spread } = p;
-    let weights = LossWeights { bias, unsupported, log_ratio, surprise, spread };
-    Ok(Box::new(FusedLoss::new(weights, Hysteresis::new(on, off))))
+    let Fused { on, off, bias, unsupported, log_ratio, misfit, surprise, spread, memory } = p;
+    let weights = LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread };
+    Ok(Box::new(FusedLoss::new(weights, memory, Hysteresis::new(on, off))))
 }
 
 pub(super) fn covariance(p: Covariance, _: ()) -> Built {

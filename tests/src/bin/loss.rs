@@ -1,0 +1,178 @@
+//! Loss detection of the edge tracker on random scenes: fits the weights on some bodies and judges them on others.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use nalgebra::SVector;
+use vt_core::agent::LossDetector;
+use vt_core::report::Status;
+use vt_fusion::loss::{FusedLoss, Hysteresis, LossSigns, LossWeights};
+use vt_io::plot::{CURVES, Curve, Figure, Panel};
+use vt_sim::scenario::Disturbance;
+use vt_tests::logistic::{area, fit, roc};
+use vt_tests::monte_carlo::{FITTED, JUDGED, Record, track};
+use vt_tests::replay::median;
+use vt_vision::edge::EdgeParams;
+
+/// Receiver operating characteristic, delay and false alarms of the loss detector, per disturbance. A frame counts as
+/// lost when its error is above 10 % of the diameter or 10 degrees; those from 5 to 10 % are left out.
+#[derive(Parser)]
+struct Arguments {
+    /// Scenes of each body and disturbance.
+    #[arg(long, default_value_t = 30)]
+    scenes: u64,
+    /// First scene of the fit.
+    #[arg(long, default_value_t = 0)]
+    fit_from: u64,
+    /// First scene of the judgement.
+    #[arg(long, default_value_t = 300)]
+    judge_from: u64,
+    /// Frames a scene.
+    #[arg(long, default_value_t = 60)]
+    frames: u64,
+    /// Judges the weights in use and fits none.
+    #[arg(long)]
+    judge_only: bool,
+    /// Plot of the curves, PNG or SVG.
+    #[arg(long)]
+    plot: Option<PathBuf>,
+}
+
+const DISTURBANCES: [(Disturbance, &str); 6] = [
+    (Disturbance::None, "none"),
+    (Disturbance::Occlusion, "occlusion"),
+    (Disturbance::Blur, "blur"),
+    (Disturbance::Clutter, "clutter"),
+    (Disturbance::Teleport, "teleport"),
+    (Disturbance::Light, "light"),
+];
+
+type Runs = Vec<(&'static str, Vec<Vec<Record>>)>;
+
+fn runs(bodies: [&str; 2], first: u64, a: &Arguments) -> Result<Runs> {
+    DISTURBANCES
+        .into_iter()
+        .map(|(disturbance, name)| {
+            let mut all = vec![];
+            for body in bodies {
+                let seeds = first..first + a.scenes;
+                let records = track(body, seeds, disturbance, a.frames, EdgeParams::default())?;
+                all.extend(records.chunk_by(|r, s| r.seed == s.seed).map(<[Record]>::to_vec));
+            }
+            Ok((name, all))
+        })
+        .collect()
+}
+
+/// Is the frame a loss? `None` for those in between and the first, which has the prior alone.
+fn lost(r: &Record) -> Option<bool> {
+    let turned = r.error.rotation > 10f64.to_radians();
+    match () {
+        () if r.frame == 0 => None,
+        () if r.relative > 0.1 || turned => Some(true),
+        () => (r.relative < 0.05).then_some(false),
+    }
+}
+
+fn signs(r: &Record) -> Option<SVector<f64, 6>> {
+    let s = LossSigns::new(&r.assessment)?;
+    Some([1.0, s.unsupported, s.log_ratio, s.misfit, s.surprise, s.spread].into())
+}
+
+fn fitted(runs: &Runs) -> Result<LossWeights> {
+    let records = runs.iter().flat_map(|(_, runs)| runs.iter().flatten());
+    let examples: Vec<_> = records.filter_map(|r| Some((signs(r)?, lost(r)?))).collect();
+    let w = fit(&examples, 1.0).context("the examples determine no weights")?;
+    let [bias, unsupported, log_ratio, misfit, surprise, spread] = w.into();
+    Ok(LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread })
+}
+
+/// Figures of one disturbance under a loss detector.
+struct Judged {
+    roc: Vec<[f64; 2]>,
+    /// Frames from the first lost one to the verdict "lost", of losses that last as long as the verdict takes.
+    delays: Vec<f64>,
+    /// Losses without a verdict until they end.
+    missed: usize,
+    /// Verdicts "lost" that begin in a good frame.
+    false_alarms: usize,
+    good: usize,
+}
+
+fn judge(weights: LossWeights, runs: &[Vec<Record>]) -> Judged {
+    let mut judged = Judged { roc: vec![], delays: vec![], missed: 0, false_alarms: 0, good: 0 };
+    let mut scores = vec![];
+    for run in runs {
+        let mut detector = FusedLoss::new(weights, FusedLoss::MEMORY, Hysteresis::default());
+        let (mut since, mut alarmed) = (None, false);
+        for r in run {
+            let verdict = detector.assess(&r.assessment);
+            let alarm = verdict.status == Status::Lost;
+            let Some(lost) = lost(r) else { continue };
+            scores.push((verdict.loss_probability, lost));
+            if lost {
+                let begin = *since.get_or_insert(r.frame);
+                if alarm && begin != u64::MAX {
+                    judged.delays.push((r.frame - begin) as f64);
+                    since = Some(u64::MAX);
+                }
+            } else {
+                judged.missed += usize::from(since.take().is_some_and(|s| s != u64::MAX && r.frame - s >= 3));
+                judged.good += 1;
+                judged.false_alarms += usize::from(alarm && !alarmed);
+            }
+            alarmed = alarm;
+        }
+        judged.missed += usize::from(since.is_some_and(|s| s != u64::MAX && run.len() as u64 - s >= 3));
+    }
+    judged.roc = roc(&scores);
+    judged
+}
+
+fn table(title: &str, weights: LossWeights, runs: &Runs) -> Vec<Curve> {
+    println!("{title}");
+    println!("disturbance  area   lost frames  delay median/90 %  missed  false alarms per 1000");
+    let curve = |(k, (name, runs)): (usize, &(&str, Vec<Vec<Record>>))| {
+        let mut j = judge(weights, runs);
+        let bad = runs.iter().flatten().filter(|r| lost(r) == Some(true)).count();
+        j.delays.sort_unstable_by(f64::total_cmp);
+        let slow = j.delays.get(j.delays.len() * 9 / 10).copied().unwrap_or(f64::NAN);
+        println!(
+            "{name:<11} {:.4} {bad:>8} of {:<6} {:>4.0} / {slow:<6.0} {:>9} of {:<4} {:>8.2}",
+            area(&j.roc),
+            j.good + bad,
+            median(&j.delays),
+            j.missed,
+            j.missed + j.delays.len(),
+            1e3 * j.false_alarms as f64 / j.good as f64,
+        );
+        Curve { name: format!("{name} {:.3}", area(&j.roc)), colour: CURVES[k % CURVES.len()], points: j.roc }
+    };
+    runs.iter().enumerate().map(curve).collect()
+}
+
+fn main() -> Result<()> {
+    let a = Arguments::parse();
+    let mut weights = LossWeights::default();
+    if !a.judge_only {
+        let examples = runs(FITTED, a.fit_from, &a)?;
+        table("in use, on the bodies of the fit", weights, &examples);
+        weights = fitted(&examples)?;
+        println!("{weights:#?}");
+        table("fitted, on the bodies of the fit", weights, &examples);
+    }
+    let judged = runs(JUDGED, a.judge_from, &a)?;
+    let curves = table("on other bodies and scenes", weights, &judged);
+    if let Some(plot) = a.plot {
+        let (first, second) = curves.split_at(3);
+        let panel = |curves: &[Curve]| Panel {
+            title: "share of lost frames told, over false alarms".into(),
+            curves: curves.to_vec(),
+            ..Panel::default()
+        };
+        let panels = vec![panel(first), panel(second)];
+        Figure { title: "Loss detection".into(), panels }.save(&plot)?;
+    }
+    Ok(())
+}
