@@ -5,7 +5,7 @@ use image::GrayImage;
 use nalgebra::{DefaultAllocator, Point2, Point3, Vector2};
 use vt_core::agent::{Posed, Visibility, Warp};
 use vt_core::belief::{Gaussian, cholesky};
-use vt_core::manifold::{Alloc, Manifold, Square};
+use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
 use vt_core::math;
 use vt_core::measurement::NormalEquations;
 use vt_core::random::LowDiscrepancy;
@@ -27,11 +27,31 @@ const MOVED: f64 = 0.1;
 /// Weight of the prior's information in the alignment: it decides where the data are silent and nothing else.
 const TIE: f64 = 1e-3;
 
+/// Deviation of the edge that is found from one of two contours that nearly coincide, pixels.
+const SLACK: f64 = 2.0;
+
 /// Residuals of a pose that is compared with others count on this scale: that of the model's and lens's own errors, pixels.
 const COMPARED: f64 = 1.0;
 
 /// Most starts where the longest search range covers the prediction's uncertainty and the least one does not.
 const NEAR_STARTS: u32 = 8;
+
+/// A certain prediction is compared with another pose once in so many frames, and whenever its contour is badly
+/// supported.
+const BETWEEN_LOOKS: u32 = 8;
+
+/// Such poses after which they repeat.
+const LOOKS: u32 = 64;
+
+/// Motion of the contour along each free direction to a pose that may be mistaken for it, pixels.
+const RESEMBLING: f64 = 3.0;
+
+/// Largest distance of such a pose along each free direction, deviations of the prediction.
+const MOST_DEVIATIONS: f64 = 30.0;
+
+/// Squared Mahalanobis distance from the prediction beyond which a pose is no less probable: the prediction itself may
+/// be wrong.
+const FARTHEST: f64 = 20.0;
 
 /// Share of the contour that must be supported for a pose to be taken without trying further starts.
 const CONVINCING: f64 = 0.85;
@@ -51,7 +71,8 @@ where
     /// picture.
     ///
     /// Where the prediction is uncertain by more than the longest search range, one alignment often ends at a wrong
-    /// edge. Then starts are spread evenly over the prior, and the best supported end counts.
+    /// edge. Then starts are spread evenly over the prior, and the most probable end counts. Where it is certain, the
+    /// pose is compared now and then with others that look alike, since a contour can settle on that of another view.
     pub(super) fn locate(
         &mut self,
         image: &GrayImage,
@@ -63,51 +84,81 @@ where
         let levels = pyramid.map_or(0, |p| p.levels.len() as u32);
         let [least, most] = self.params.range;
         let start = (0..levels).find(|&l| needed <= most * f64::from(1u32 << l)).unwrap_or(levels);
-        let starts = match start {
-            0 if needed <= least => 1,
+        let spread = match start {
+            0 if needed <= least && self.followed => 1,
             0 => self.params.starts.min(NEAR_STARTS),
             _ => self.params.starts,
         };
-        let dim = prior.mean.dim();
+        let mut starts = spread;
         let sequence = LowDiscrepancy::new(root.nrows());
         let mut best: Option<(f64, P)> = None;
         let mut current = false;
-        for k in 0..starts {
+        let mut k = 0;
+        while k < starts {
             let mut pose = prior.mean.clone();
             if k > 0 {
+                let look = spread == 1;
+                let index = if look { 1 + self.looks % LOOKS } else { k };
                 let mut offset = pose.zero();
                 for d in 0..offset.len() {
-                    offset[d] = math::normal_quantile(sequence.at(k, d));
+                    offset[d] = math::normal_quantile(sequence.at(index, d));
                 }
-                pose = pose.retract(&(root * offset));
+                let from = best.as_ref().filter(|_| look);
+                pose = match from.and_then(|(_, pose)| Some((pose, self.resembling(root, &offset)?))) {
+                    Some((pose, change)) => pose.retract(&change),
+                    None => pose.retract(&(root * offset)),
+                };
             }
+            k += 1;
             if !self.converge(image, pyramid, start, &mut pose, &prior.covariance, root) {
                 // It left no lines, those of the best start included.
                 current = false;
                 continue;
             }
             let mixture = &self.features.mixture;
-            let (score, support) = mixture.compare(&pose, COMPARED);
-            if starts == 1 {
-                return Some(pose);
+            let (likelihood, support) = mixture.compare(&pose, COMPARED);
+            if spread == 1 && k == 1 {
+                self.looks += 1;
+                if support > CONVINCING && !self.looks.is_multiple_of(BETWEEN_LOOKS) {
+                    return Some(pose);
+                }
+                starts = self.params.starts.min(2);
             }
+            let score = likelihood - 0.5 * prior.nees(&pose).unwrap_or(0.0).min(FARTHEST);
             let agreed =
                 best.as_ref().is_some_and(|(_, other)| mixture.motion(&pose.local(other)) < COMPARED);
             current = best.as_ref().is_none_or(|(most, _)| score > *most);
             if current {
                 best = Some((score, pose));
             }
-            if support > CONVINCING || agreed && support > AGREED {
+            if spread > 1 && (support > CONVINCING || agreed && support > AGREED) {
                 break;
             }
         }
         let (_, mut pose) = best?;
         if !current {
             // The lines that were searched last are those of another start.
-            let nothing = Square::<P>::zeros_generic(dim, dim);
+            let nothing = Square::<P>::zeros_generic(pose.dim(), pose.dim());
             self.converge(image, None, 0, &mut pose, &nothing, root);
         }
         Some(pose)
+    }
+
+    /// A change of pose that moves the contour of the last search by some [`RESEMBLING`] pixels, however large it is in
+    /// metres and radians: a tilt of a flat view is. `n` is a standard normal draw.
+    fn resembling(&self, root: &Square<P>, n: &Tangent<P>) -> Option<Tangent<P>> {
+        let lines = &self.features.mixture.lines;
+        let mut motion = Square::<P>::zeros_generic(n.shape_generic().0, n.shape_generic().0);
+        for line in lines {
+            motion.ger(1.0 / lines.len() as f64, &line.jacobian, &line.jacobian, 1.0);
+        }
+        let mut system = root.tr_mul(&(motion * root));
+        for k in 0..system.nrows() {
+            system[(k, k)] += (RESEMBLING / MOST_DEVIATIONS).powi(2);
+        }
+        let factor = cholesky(system)?;
+        let change = factor.l_dirty().tr_solve_lower_triangular(&(n * RESEMBLING))?;
+        Some(root * change)
     }
 
     /// Searches and aligns from the pyramid level `start` down to the picture itself; `spread` is the covariance of the
@@ -157,13 +208,10 @@ where
         let slack = self.params.range[0] * pixel / 3.0;
         let sites = self.visibility.visible(pose);
         // Of two contours that almost coincide in the image neither can be told from the other, and the image edge
-        // that is found lies between them; such sites bias the tilt of a flat view.
+        // that is found lies between them; such sites would bias the tilt of a flat view. They hold the pose loosely.
         let clear = sites.iter().filter(|s| !s.ambiguous).count();
-        let drop_ambiguous = 4 * clear >= sites.len();
+        let loosely = if 4 * clear >= sites.len() { SLACK * SLACK } else { 0.0 };
         for site in sites {
-            if site.ambiguous && drop_ambiguous {
-                continue;
-            }
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
             let direction = ahead - y;
@@ -211,6 +259,7 @@ where
                 contour: site.contour,
                 tangent: site.tangent,
                 weight: 1.0 - math::exp_fast(-f64::from(site.weight) / self.params.correlation_length),
+                slack: if site.ambiguous { loosely } else { 0.0 },
             });
         }
         let lines = mixture.lines.len();

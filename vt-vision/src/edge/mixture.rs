@@ -45,6 +45,9 @@ where
     pub contour: Option<Side>,
     /// Weight of the line; below 1 where neighbours share their errors.
     pub weight: f64,
+    /// Variance of what else may lie between the line's edge and the contour, px²: where two contours nearly coincide
+    /// the edge may be that of the other.
+    pub slack: f64,
 }
 
 /// An edge on a search line.
@@ -142,6 +145,7 @@ where
     pub(super) fn vote(&self, line: &Line<P>, u: f64, sigma: f64) -> Vote {
         let first = line.first as usize;
         let edges = &self.edges[first..first + line.count as usize];
+        let sigma = if line.slack > 0.0 { (sigma * sigma + line.slack).sqrt() } else { sigma };
         vote(edges.iter().map(|e| (e.position - u, e.prior)), sigma, self.clutter)
     }
 
@@ -156,15 +160,15 @@ where
     ) -> f64 {
         out.clear();
         let mut total = 0.0;
-        let information = 1.0 / (sigma * sigma);
+        let variance = sigma * sigma;
         for line in &self.lines {
             let vote = self.vote(line, line.searched_at + line.jacobian.dot(delta), sigma);
             if vote.probability > 0.0 {
-                let w = line.weight * information;
+                let w = line.weight / (variance + line.slack);
                 accumulate_lower(&mut out.information, &line.jacobian, w * vote.probability);
                 out.gradient.axpy(w * vote.pull, &line.jacobian, 1.0);
                 out.rows += 1;
-                total += line.weight * vote.probability;
+                total += w * variance * vote.probability;
             }
         }
         out.information.fill_upper_triangle_with_lower_triangle();
@@ -207,8 +211,8 @@ where
             if vote.probability > 0.5 {
                 q.inliers += 1;
                 inlier_weight += line.weight;
-                let r = vote.pull / vote.probability / self.sigma;
-                squares += line.weight * r * r;
+                let r = vote.pull / vote.probability;
+                squares += line.weight * r * r / (self.sigma * self.sigma + line.slack);
             }
         }
         if weight > 0.0 {

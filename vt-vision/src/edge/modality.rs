@@ -49,6 +49,10 @@ where
     residuals: Residuals,
     rivals: Rivals,
     seen: bool,
+    /// Whether the frame before was measured, too: then the contour is near its prediction.
+    pub(super) followed: bool,
+    /// Second looks so far.
+    pub(super) looks: u32,
 }
 
 /// Lines for which there is room from the start; with more, the buffers grow once.
@@ -89,6 +93,8 @@ where
             residuals: Residuals::default(),
             rivals: Rivals::with_capacity(ROOM),
             seen: false,
+            followed: false,
+            looks: 0,
         }
     }
 
@@ -105,9 +111,10 @@ where
         self.residuals.clear();
         let posed = mixture.warp.at(pose);
         let sigma = self.params.sigma;
-        for line in &mixture.lines {
+        for line in mixture.lines.iter().filter(|l| l.slack == 0.0) {
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
+            self.residuals.expect(line.weight);
             let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
@@ -123,7 +130,7 @@ where
                 weight: probability,
             });
         }
-        let variance = self.residuals.variance(pose.dim().value(), self.params.localization);
+        let variance = self.residuals.variance(pose.dim().value(), self.params.localization, sigma);
         mixture.sigma = variance.sqrt().max(sigma);
         let variance = variance * self.residuals.inflation();
         for row in rows.iter_mut() {
@@ -181,7 +188,7 @@ where
         evidence: &Evidence,
         prior: &Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
-        self.seen = false;
+        self.followed = std::mem::take(&mut self.seen);
         if !prior.is_finite() {
             return Err(MeasureError::Prediction("the predicted pose is not finite"));
         }
@@ -218,6 +225,8 @@ where
 
     fn forget(&mut self) {
         self.memory.clear();
+        self.looks = 0;
+        self.seen = false;
     }
 
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
