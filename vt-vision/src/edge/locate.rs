@@ -5,7 +5,7 @@ use image::GrayImage;
 use nalgebra::{DefaultAllocator, Point2, Point3, Vector2};
 use vt_core::agent::{Posed, Visibility, Warp};
 use vt_core::belief::{Gaussian, cholesky};
-use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
+use vt_core::manifold::{Alloc, Manifold, Square};
 use vt_core::math;
 use vt_core::measurement::NormalEquations;
 use vt_core::random::LowDiscrepancy;
@@ -36,19 +36,6 @@ const COMPARED: f64 = 1.0;
 /// Most starts where the longest search range covers the prediction's uncertainty and the least one does not.
 const NEAR_STARTS: u32 = 8;
 
-/// A certain prediction is compared with another pose once in so many frames, and whenever its contour is badly
-/// supported.
-const BETWEEN_LOOKS: u32 = 8;
-
-/// Such poses after which they repeat.
-const LOOKS: u32 = 64;
-
-/// Motion of the contour along each free direction to a pose that may be mistaken for it, pixels.
-const RESEMBLING: f64 = 3.0;
-
-/// Largest distance of such a pose along each free direction, deviations of the prediction.
-const MOST_DEVIATIONS: f64 = 30.0;
-
 /// Squared Mahalanobis distance from the prediction beyond which a pose is no less probable: the prediction itself may
 /// be wrong.
 const FARTHEST: f64 = 20.0;
@@ -71,8 +58,7 @@ where
     /// picture.
     ///
     /// Where the prediction is uncertain by more than the longest search range, one alignment often ends at a wrong
-    /// edge. Then starts are spread evenly over the prior, and the most probable end counts. Where it is certain, the
-    /// pose is compared now and then with others that look alike, since a contour can settle on that of another view.
+    /// edge. Then starts are spread evenly over the prior, and the most probable end counts.
     pub(super) fn locate(
         &mut self,
         image: &GrayImage,
@@ -84,46 +70,33 @@ where
         let levels = pyramid.map_or(0, |p| p.levels.len() as u32);
         let [least, most] = self.params.range;
         let start = (0..levels).find(|&l| needed <= most * f64::from(1u32 << l)).unwrap_or(levels);
-        let spread = match start {
+        let starts = match start {
             0 if needed <= least && self.followed => 1,
             0 => self.params.starts.min(NEAR_STARTS),
             _ => self.params.starts,
         };
-        let mut starts = spread;
         let sequence = LowDiscrepancy::new(root.nrows());
         let mut best: Option<(f64, P)> = None;
         let mut current = false;
-        let mut k = 0;
-        while k < starts {
+        for k in 0..starts {
             let mut pose = prior.mean.clone();
             if k > 0 {
-                let look = spread == 1;
-                let index = if look { 1 + self.looks % LOOKS } else { k };
                 let mut offset = pose.zero();
                 for d in 0..offset.len() {
-                    offset[d] = math::normal_quantile(sequence.at(index, d));
+                    offset[d] = math::normal_quantile(sequence.at(k, d));
                 }
-                let from = best.as_ref().filter(|_| look);
-                pose = match from.and_then(|(_, pose)| Some((pose, self.resembling(root, &offset)?))) {
-                    Some((pose, change)) => pose.retract(&change),
-                    None => pose.retract(&(root * offset)),
-                };
+                pose = pose.retract(&(root * offset));
             }
-            k += 1;
             if !self.converge(image, pyramid, start, &mut pose, &prior.covariance, root) {
                 // It left no lines, those of the best start included.
                 current = false;
                 continue;
             }
+            if starts == 1 {
+                return Some(pose);
+            }
             let mixture = &self.features.mixture;
             let (likelihood, support) = mixture.compare(&pose, COMPARED);
-            if spread == 1 && k == 1 {
-                self.looks += 1;
-                if support > CONVINCING && !self.looks.is_multiple_of(BETWEEN_LOOKS) {
-                    return Some(pose);
-                }
-                starts = self.params.starts.min(2);
-            }
             let score = likelihood - 0.5 * prior.nees(&pose).unwrap_or(0.0).min(FARTHEST);
             let agreed =
                 best.as_ref().is_some_and(|(_, other)| mixture.motion(&pose.local(other)) < COMPARED);
@@ -131,7 +104,7 @@ where
             if current {
                 best = Some((score, pose));
             }
-            if spread > 1 && (support > CONVINCING || agreed && support > AGREED) {
+            if support > CONVINCING || agreed && support > AGREED {
                 break;
             }
         }
@@ -142,23 +115,6 @@ where
             self.converge(image, None, 0, &mut pose, &nothing, root);
         }
         Some(pose)
-    }
-
-    /// A change of pose that moves the contour of the last search by some [`RESEMBLING`] pixels, however large it is in
-    /// metres and radians: a tilt of a flat view is. `n` is a standard normal draw.
-    fn resembling(&self, root: &Square<P>, n: &Tangent<P>) -> Option<Tangent<P>> {
-        let lines = &self.features.mixture.lines;
-        let mut motion = Square::<P>::zeros_generic(n.shape_generic().0, n.shape_generic().0);
-        for line in lines {
-            motion.ger(1.0 / lines.len() as f64, &line.jacobian, &line.jacobian, 1.0);
-        }
-        let mut system = root.tr_mul(&(motion * root));
-        for k in 0..system.nrows() {
-            system[(k, k)] += (RESEMBLING / MOST_DEVIATIONS).powi(2);
-        }
-        let factor = cholesky(system)?;
-        let change = factor.l_dirty().tr_solve_lower_triangular(&(n * RESEMBLING))?;
-        Some(root * change)
     }
 
     /// Searches and aligns from the pyramid level `start` down to the picture itself; `spread` is the covariance of the

@@ -197,12 +197,12 @@ where
         (squares / (self.lines.len() as f64).max(1.0)).sqrt()
     }
 
-    /// Support of a pose by the lines.
+    /// Support of a pose by the lines, those on contours that nearly coincide apart.
     pub(super) fn quality(&self, at: &P) -> Quality {
         let posed = self.warp.at(at);
         let mut q = Quality::default();
         let (mut weight, mut inlier_weight, mut squares, mut log_ratio) = (0.0, 0.0, 0.0, 0.0);
-        for line in &self.lines {
+        for line in self.lines.iter().filter(|l| l.slack == 0.0) {
             let Some(y) = posed.locate(&line.point) else { continue };
             let vote = self.vote(line, line.normal.dot(&y.coords), self.sigma);
             q.expected += 1;
@@ -211,8 +211,8 @@ where
             if vote.probability > 0.5 {
                 q.inliers += 1;
                 inlier_weight += line.weight;
-                let r = vote.pull / vote.probability;
-                squares += line.weight * r * r / (self.sigma * self.sigma + line.slack);
+                let r = vote.pull / vote.probability / self.sigma;
+                squares += line.weight * r * r;
             }
         }
         if weight > 0.0 {

@@ -51,8 +51,6 @@ where
     seen: bool,
     /// Whether the frame before was measured, too: then the contour is near its prediction.
     pub(super) followed: bool,
-    /// Second looks so far.
-    pub(super) looks: u32,
 }
 
 /// Lines for which there is room from the start; with more, the buffers grow once.
@@ -94,7 +92,6 @@ where
             rivals: Rivals::with_capacity(ROOM),
             seen: false,
             followed: false,
-            looks: 0,
         }
     }
 
@@ -225,7 +222,6 @@ where
 
     fn forget(&mut self) {
         self.memory.clear();
-        self.looks = 0;
         self.seen = false;
     }
 
