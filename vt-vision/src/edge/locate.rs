@@ -27,9 +27,6 @@ const MOVED: f64 = 0.1;
 /// Weight of the prior's information in the alignment: it decides where the data are silent and nothing else.
 const TIE: f64 = 1e-3;
 
-/// Deviation of the edge that is found from one of two contours that nearly coincide, pixels.
-const SLACK: f64 = 2.0;
-
 /// Residuals of a pose that is compared with others count on this scale: that of the model's and lens's own errors, pixels.
 const COMPARED: f64 = 1.0;
 
@@ -75,6 +72,7 @@ where
             0 => self.params.starts.min(NEAR_STARTS),
             _ => self.params.starts,
         };
+        let dim = prior.mean.dim();
         let sequence = LowDiscrepancy::new(root.nrows());
         let mut best: Option<(f64, P)> = None;
         let mut current = false;
@@ -92,12 +90,12 @@ where
                 current = false;
                 continue;
             }
-            if starts == 1 {
-                return Some(pose);
-            }
             let mixture = &self.features.mixture;
             let (likelihood, support) = mixture.compare(&pose, COMPARED);
             let score = likelihood - 0.5 * prior.nees(&pose).unwrap_or(0.0).min(FARTHEST);
+            if starts == 1 {
+                return Some(pose);
+            }
             let agreed =
                 best.as_ref().is_some_and(|(_, other)| mixture.motion(&pose.local(other)) < COMPARED);
             current = best.as_ref().is_none_or(|(most, _)| score > *most);
@@ -111,7 +109,7 @@ where
         let (_, mut pose) = best?;
         if !current {
             // The lines that were searched last are those of another start.
-            let nothing = Square::<P>::zeros_generic(pose.dim(), pose.dim());
+            let nothing = Square::<P>::zeros_generic(dim, dim);
             self.converge(image, None, 0, &mut pose, &nothing, root);
         }
         Some(pose)
@@ -164,10 +162,13 @@ where
         let slack = self.params.range[0] * pixel / 3.0;
         let sites = self.visibility.visible(pose);
         // Of two contours that almost coincide in the image neither can be told from the other, and the image edge
-        // that is found lies between them; such sites would bias the tilt of a flat view. They hold the pose loosely.
+        // that is found lies between them; such sites bias the tilt of a flat view.
         let clear = sites.iter().filter(|s| !s.ambiguous).count();
-        let loosely = if 4 * clear >= sites.len() { SLACK * SLACK } else { 0.0 };
+        let drop_ambiguous = 4 * clear >= sites.len();
         for site in sites {
+            if site.ambiguous && drop_ambiguous {
+                continue;
+            }
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
             let direction = ahead - y;
@@ -215,7 +216,6 @@ where
                 contour: site.contour,
                 tangent: site.tangent,
                 weight: 1.0 - math::exp_fast(-f64::from(site.weight) / self.params.correlation_length),
-                slack: if site.ambiguous { loosely } else { 0.0 },
             });
         }
         let lines = mixture.lines.len();

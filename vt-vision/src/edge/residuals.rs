@@ -6,7 +6,7 @@ const TRUST: f64 = 6.0;
 
 /// Share of wrong matches per share of contour without a match: where much of it has no edge, some of the edges are
 /// those of something else, within the tolerance of a match.
-const WRONG: f64 = 0.07;
+const WRONG: f64 = 0.2;
 
 /// Pairs of neighbours that the expected correlation weighs as much as.
 const PAIRS: f64 = 10.0;
