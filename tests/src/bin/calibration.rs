@@ -48,10 +48,6 @@ fn main() -> Result<()> {
         let lost = records.iter().filter(|r| wrong(r)).count();
         let told = records.iter().filter(|r| wrong(r) && r.verdict.loss_probability > 0.5).count();
         records.retain(|r| r.verdict.loss_probability < 0.5);
-        for r in &records {
-            let q = r.assessment.quality.unwrap_or_default();
-            eprintln!("{name},{},{},{:.4},{},{:.4},{:.4},{:.4},{:.4},{:.5},{:.4}", r.seed, r.frame, r.nees / 6.0, q.expected, q.inlier_ratio, q.log_ratio, q.normalized_rms, r.assessment.log_det.unwrap_or(0.0), r.relative, r.error.rotation);
-        }
         let n = records.len() as f64;
         let mean = records.iter().map(|r| r.nees).sum::<f64>() / n / 6.0;
         let covered = records.iter().filter(|r| r.nees <= inside).count() as f64 / n;

@@ -107,23 +107,25 @@ fn draw_missed(
                 r.verdict.loss_probability,
                 LossSigns::new(&r.assessment)
             );
-            picture(body, disturbance, r)?.save(folder.join(format!("{name}_{body}_{}_{}.png", r.seed, r.frame)))?;
+            picture(body, disturbance, r)?
+                .save(folder.join(format!("{name}_{body}_{}_{}.png", r.seed, r.frame)))?;
         }
     }
     Ok(())
 }
 
-fn signs(r: &Record) -> Option<SVector<f64, 6>> {
+/// What is weighed; the share of unsupported contour is not, since the likelihood ratio counts it.
+fn signs(r: &Record) -> Option<SVector<f64, 5>> {
     let s = LossSigns::new(&r.assessment)?;
-    Some([1.0, s.unsupported, s.log_ratio, s.misfit, s.surprise, s.spread].into())
+    Some([1.0, s.log_ratio, s.misfit, s.surprise, s.spread].into())
 }
 
 fn fitted(runs: &Runs) -> Result<LossWeights> {
     let records = runs.iter().flat_map(|(_, runs)| runs.iter().flatten());
     let examples: Vec<_> = records.filter_map(|r| Some((signs(r)?, lost(r)?))).collect();
     let w = fit(&examples, 1.0).context("the examples determine no weights")?;
-    let [bias, unsupported, log_ratio, misfit, surprise, spread] = w.into();
-    Ok(LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread })
+    let [bias, log_ratio, misfit, surprise, spread] = w.into();
+    Ok(LossWeights { bias, unsupported: 0.0, log_ratio, misfit, surprise, spread })
 }
 
 /// Figures of one disturbance under a loss detector.

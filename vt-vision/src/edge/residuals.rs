@@ -101,9 +101,24 @@ mod tests {
 
     #[test]
     fn few_residuals_leave_the_expected_noise_and_many_replace_it() {
-        assert_eq!(Residuals::default().variance(6, 0.05), 0.05f64.powi(2));
-        let v = process(4000, 0.3, 0.0, 1.0).variance(6, 0.05);
+        let prior = Residuals::default().variance(6, 0.05, 1.0);
+        assert!(
+            (prior - TRUST / (TRUST - 2.0) * 0.05f64.powi(2)).abs() < 1e-15,
+            "mean of the scaled inverse χ²: {prior}"
+        );
+        let v = process(4000, 0.3, 0.0, 1.0).variance(6, 0.05, 1.0);
         assert!((v.sqrt() - 0.3).abs() < 0.02, "{v}");
+    }
+
+    #[test]
+    fn contour_without_matches_widens_by_the_tolerance_of_a_match() {
+        let [half, none] = [1.0, 0.0].map(|unmatched| {
+            let mut r = process(400, 0.1, 0.0, 1.0);
+            (0..400).for_each(|_| r.expect(1.0));
+            (0..400).for_each(|_| r.expect(unmatched));
+            r.variance(6, 0.05, 2.0)
+        });
+        assert!((half - none - WRONG * 0.5 * 4.0).abs() < 1e-12, "{half} {none}");
     }
 
     #[test]
