@@ -21,18 +21,10 @@ const PARALLEL: f64 = 0.2;
 /// A match counts when it is at least this probable.
 const MATCHED: f64 = 0.1;
 
-/// A matched line: its image edge, its place on the contour, its number.
-#[derive(Clone, Copy, Debug)]
-struct Match {
-    found: Point2<f64>,
-    contour: Point2<f64>,
-    row: u32,
-}
-
 /// Buffers of the test.
 #[derive(Clone, Debug)]
 pub(super) struct Rivals {
-    matches: Vec<Match>,
+    matches: Vec<(Point2<f64>, u32)>,
     contested: Vec<bool>,
 }
 
@@ -55,27 +47,24 @@ impl Rivals {
         for (i, row) in rows.iter().enumerate().filter(|(_, row)| row.weight > MATCHED) {
             if let Some(y) = posed.locate(&row.point) {
                 let found = y + row.normal * (row.position - row.normal.dot(&y.coords));
-                matches.push(Match { found, contour: y, row: i as u32 });
+                matches.push((found, i as u32));
             }
         }
-        matches.sort_unstable_by(|a, b| a.found.x.total_cmp(&b.found.x).then(a.row.cmp(&b.row)));
+        matches.sort_unstable_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
         contested.clear();
         contested.resize(rows.len(), false);
-        for (k, p) in matches.iter().enumerate() {
-            let one = &rows[p.row as usize];
-            let near = |q: &&Match| q.found.x - p.found.x < ACROSS + ALONG;
-            for q in matches[k + 1..].iter().take_while(near) {
-                let other = &rows[q.row as usize];
-                let d = q.found - p.found;
-                // Where the contours themselves are one line they are pieces of one outline.
+        for (k, (p, i)) in matches.iter().enumerate() {
+            let one = &rows[*i as usize];
+            for (q, j) in matches[k + 1..].iter().take_while(|(q, _)| q.x - p.x < ACROSS + ALONG) {
+                let other = &rows[*j as usize];
+                let d = q - p;
                 if one.edge != other.edge
-                    && (q.contour - p.contour).dot(&one.normal).abs() > ACROSS
                     && one.normal.perp(&other.normal).abs() < PARALLEL
                     && d.dot(&one.normal).abs() < ACROSS
                     && d.perp(&one.normal).abs() < ALONG
                 {
-                    contested[p.row as usize] = true;
-                    contested[q.row as usize] = true;
+                    contested[*i as usize] = true;
+                    contested[*j as usize] = true;
                 }
             }
         }
@@ -149,12 +138,6 @@ mod tests {
             weight: 0.9,
         });
         assert_eq!(left(upright(0, 50.0, 50.0).chain(crossing)), [0, 1]);
-    }
-
-    #[test]
-    fn pieces_of_one_outline_are_no_rivals() {
-        let pieces = (0..10).map(|k| EdgeRow { edge: k, ..upright(0, 50.0, 52.0).nth(k as usize).unwrap() });
-        assert_eq!(left(pieces).len(), 10);
     }
 
     #[test]
