@@ -75,7 +75,7 @@ where
 
     /// True when the mean and every entry of the covariance are finite.
     pub fn is_finite(&self) -> bool {
-        self.mean.is_finite() && self.covariance.iter().all(|v| v.is_finite())
+        self.mean.is_finite() && math::all_finite(self.covariance.as_slice())
     }
 }
 
@@ -84,7 +84,7 @@ pub fn cholesky<D: Dim>(m: nalgebra::OMatrix<f64, D, D>) -> Option<Cholesky<f64,
 where
     DefaultAllocator: Alloc<D>,
 {
-    if m.iter().any(|v| !v.is_finite()) {
+    if !math::all_finite(m.as_slice()) {
         return None;
     }
     Cholesky::new(m)
@@ -156,6 +156,7 @@ where
     DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
 {
     type D = DimSum<P::D, P::D>;
+    const FLAT: bool = P::FLAT;
 
     fn dim(&self) -> Self::D {
         self.pose.dim().add(self.pose.dim())

@@ -14,12 +14,14 @@ mod brownian;
 mod constant_acceleration;
 mod constant_velocity;
 mod custom;
+mod linear;
 mod noise;
 
 pub use brownian::Brownian;
 pub use constant_acceleration::ConstantAcceleration;
 pub use constant_velocity::ConstantVelocity;
 pub use custom::Custom;
+pub use linear::{LinearRate, LinearStep};
 pub(crate) use noise::pivoted_factor;
 pub use noise::{driven_noise, pivoted_root, semidefinite_root};
 

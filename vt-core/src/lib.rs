@@ -14,6 +14,7 @@ pub mod lie;
 pub mod manifold;
 pub mod math;
 pub mod measurement;
+pub mod measurement_model;
 pub mod metrics;
 pub mod pose_measurement;
 pub mod random;

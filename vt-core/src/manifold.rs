@@ -7,33 +7,42 @@ use nalgebra::{DefaultAllocator, Dim, Dyn, OMatrix, OVector, U1, U2, U3};
 pub trait Alloc<D: Dim>:
     Allocator<D, Buffer<f64>: Send + Sync>
     + Allocator<D, D, Buffer<f64>: Send + Sync>
-    + Allocator<U1, D>
+    + Allocator<U1, D, Buffer<f64>: Send + Sync>
     + Allocator<U2, D, Buffer<f64>: Send + Sync>
-    + Allocator<D, U1>
+    + Allocator<D, U1, Buffer<f64>: Send + Sync>
     + Allocator<D, U2>
     + Allocator<U3, D>
-    + Allocator<Dyn, D>
-    + Allocator<D, Dyn>
+    + Allocator<Dyn, D, Buffer<f64>: Send + Sync>
+    + Allocator<D, Dyn, Buffer<f64>: Send + Sync>
 {
 }
 
 impl<D: Dim, A> Alloc<D> for A where
     A: Allocator<D, Buffer<f64>: Send + Sync>
         + Allocator<D, D, Buffer<f64>: Send + Sync>
-        + Allocator<U1, D>
+        + Allocator<U1, D, Buffer<f64>: Send + Sync>
         + Allocator<U2, D, Buffer<f64>: Send + Sync>
-        + Allocator<D, U1>
+        + Allocator<D, U1, Buffer<f64>: Send + Sync>
         + Allocator<D, U2>
         + Allocator<U3, D>
-        + Allocator<Dyn, D>
-        + Allocator<D, Dyn>
+        + Allocator<Dyn, D, Buffer<f64>: Send + Sync>
+        + Allocator<D, Dyn, Buffer<f64>: Send + Sync>
 {
 }
 
 /// Storage for maps between spaces of dimensions `A` and `B`, such as a Kalman gain.
-pub trait AllocPair<A: Dim, B: Dim>: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+pub trait AllocPair<A: Dim, B: Dim>:
+    Alloc<A> + Alloc<B> + Allocator<A, B, Buffer<f64>: Send + Sync> + Allocator<B, A, Buffer<f64>: Send + Sync>
+{
+}
 
-impl<A: Dim, B: Dim, T> AllocPair<A, B> for T where T: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+impl<A: Dim, B: Dim, T> AllocPair<A, B> for T where
+    T: Alloc<A>
+        + Alloc<B>
+        + Allocator<A, B, Buffer<f64>: Send + Sync>
+        + Allocator<B, A, Buffer<f64>: Send + Sync>
+{
+}
 
 /// A tangent vector of the manifold `M`.
 pub type Tangent<M> = OVector<f64, <M as Manifold>::D>;
@@ -54,6 +63,10 @@ where
 {
     /// Dimension of the tangent space; `Dyn` where it is known at run time only.
     type D: Dim;
+
+    /// True where `retract` adds coordinates and `local` subtracts them: both Jacobians are the identity, and
+    /// estimators leave them out.
+    const FLAT: bool = false;
 
     /// Dimension of the tangent space at this point.
     fn dim(&self) -> Self::D;
@@ -88,7 +101,7 @@ where
 
     /// True when every coordinate is finite.
     fn is_finite(&self) -> bool {
-        self.local(self).iter().all(|v| v.is_finite())
+        crate::math::all_finite(self.local(self).as_slice())
     }
 
     /// Weighted mean of points on the manifold (Karcher): the point at which the weighted tangent vectors to all
@@ -123,8 +136,21 @@ pub(crate) fn differences<D: Dim>(n: D, f: impl Fn(&OVector<f64, D>) -> OVector<
 where
     DefaultAllocator: Alloc<D>,
 {
+    differences_between(n, n, f, |ahead, behind| ahead - behind)
+}
+
+/// The same between spaces of dimensions `n` and `m`, for values that `subtract` compares (angles wrap).
+pub(crate) fn differences_between<N: Dim, M: Dim>(
+    n: N,
+    m: M,
+    f: impl Fn(&OVector<f64, N>) -> OVector<f64, M>,
+    subtract: impl Fn(&OVector<f64, M>, &OVector<f64, M>) -> OVector<f64, M>,
+) -> OMatrix<f64, M, N>
+where
+    DefaultAllocator: AllocPair<N, M>,
+{
     const H: f64 = 1e-6;
-    let mut j = OMatrix::zeros_generic(n, n);
+    let mut j = OMatrix::zeros_generic(m, n);
     let mut e = OVector::zeros_generic(n, U1);
     for k in 0..n.value() {
         e[k] = H;
@@ -132,7 +158,7 @@ where
         e[k] = -H;
         let behind = f(&e);
         e[k] = 0.0;
-        j.set_column(k, &((ahead - behind) / (2.0 * H)));
+        j.set_column(k, &(subtract(&ahead, &behind) / (2.0 * H)));
     }
     j
 }

@@ -10,6 +10,13 @@ mod normal;
 pub use gamma::{chi_square_cdf, chi_square_quantile, chi_square_survival, gamma_p, gamma_q, ln_gamma};
 pub use normal::{normal_cdf, normal_quantile};
 
+/// True when no value is NaN or infinite. Without an early exit, so that it runs on whole vectors.
+#[inline]
+pub fn all_finite(values: &[f64]) -> bool {
+    const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
+    !values.iter().fold(false, |bad, v| bad | (v.to_bits() & EXPONENT == EXPONENT))
+}
+
 /// Sine of an angle in radians.
 #[inline]
 pub fn sin(x: f64) -> f64 {

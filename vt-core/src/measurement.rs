@@ -38,6 +38,17 @@ where
     /// Normal equations of the data term at `at` (never of a prior); replaces the content of `out`.
     fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>);
 
+    /// Residuals in units of their noise, `R^(-1/2) (z − h(p))`, for every pose of the batch, one pose after the other;
+    /// replaces the content of `out` and returns the number of rows of a pose.
+    ///
+    /// This is the way of estimators that need `h` itself and not its derivative (sigma points). It exists where the
+    /// rows are the same for every pose and their noise is Gaussian; `None`, the default, where they are not (matches
+    /// that depend on the pose, robust weights): such estimators then linearise as the others do.
+    fn normalized_residuals(&self, poses: &[P], out: &mut Vec<f64>) -> Option<usize> {
+        let _ = (poses, out);
+        None
+    }
+
     /// How well the data support the pose `at`.
     fn quality(&self, at: &P) -> Quality;
 

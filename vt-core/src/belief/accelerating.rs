@@ -45,6 +45,7 @@ where
     DefaultAllocator: Alloc<P::D> + Alloc<Triple<P::D>>,
 {
     type D = Triple<P::D>;
+    const FLAT: bool = P::FLAT;
 
     fn dim(&self) -> Self::D {
         let n = self.pose.dim();

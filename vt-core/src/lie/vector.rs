@@ -43,7 +43,7 @@ impl<const N: usize, T: RealField + Copy> LieGroup<T> for Vector<N, T> {
     }
 }
 
-manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector", N)]);
+manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector", N)], flat: true);
 
 /// `R^n` with `n` known at run time, such as the joint angles of a skeleton. Tangent: the components.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +51,7 @@ pub struct DynVector(pub DVector<f64>);
 
 impl Manifold for DynVector {
     type D = Dyn;
+    const FLAT: bool = true;
 
     fn dim(&self) -> Dyn {
         Dyn(self.0.len())
@@ -69,5 +70,35 @@ impl Manifold for DynVector {
     }
     fn blocks(&self) -> Vec<(String, usize)> {
         vec![("vector".into(), self.0.len())]
+    }
+}
+
+/// Spaces that are their own tangent space, for models written with matrices.
+pub trait VectorSpace: Manifold
+where
+    nalgebra::DefaultAllocator: crate::manifold::Alloc<Self::D>,
+{
+    /// The components.
+    fn components(&self) -> &Tangent<Self>;
+
+    /// The point with these components.
+    fn from_components(components: Tangent<Self>) -> Self;
+}
+
+impl<const N: usize> VectorSpace for Vector<N> {
+    fn components(&self) -> &Tangent<Self> {
+        &self.0
+    }
+    fn from_components(components: Tangent<Self>) -> Self {
+        Self(components)
+    }
+}
+
+impl VectorSpace for DynVector {
+    fn components(&self) -> &Tangent<Self> {
+        &self.0
+    }
+    fn from_components(components: Tangent<Self>) -> Self {
+        Self(components)
     }
 }

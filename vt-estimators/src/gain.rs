@@ -1,0 +1,100 @@
+//! The gain of a linear(ised) measurement and the covariance after it, in Joseph's form.
+//!
+//! For `y = H δ + v` with `δ ~ N(0, P)`, `v ~ N(0, R)` and `H` acting on the leading coordinates of `δ`:
+//!
+//! ```text
+//! S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P⁺ = (1 − KH) P (1 − KH)ᵀ + K R Kᵀ
+//! ```
+//!
+//! Joseph's form is symmetric, positive semi-definite in spite of rounding, and true for any gain: also for one whose
+//! rows are set to zero (Schmidt: coordinates that are considered but not estimated).
+
+use nalgebra::{Cholesky, DefaultAllocator, Dim, OMatrix, OVector};
+use vt_core::belief::cholesky;
+use vt_core::error::EstimateError;
+use vt_core::manifold::AllocPair;
+use vt_core::math;
+
+use crate::congruence::{congruence, symmetric_product, times_transpose};
+
+/// Gain of a measurement with `M` rows for a state with `N` coordinates.
+pub(crate) struct Gain<N: Dim, M: Dim>
+where
+    DefaultAllocator: AllocPair<N, M>,
+{
+    /// `K`.
+    pub gain: OMatrix<f64, N, M>,
+    /// Factor of `S`.
+    factor: Cholesky<f64, M>,
+}
+
+impl<N: Dim, M: Dim> Gain<N, M>
+where
+    DefaultAllocator: AllocPair<N, M>,
+{
+    /// The optimal gain; `noise` is `R`, one where absent.
+    ///
+    /// # Errors
+    /// When numbers overflow.
+    pub fn new<A: Dim>(
+        p: &OMatrix<f64, N, N>,
+        h: &OMatrix<f64, M, A>,
+        noise: Option<&OMatrix<f64, M, M>>,
+    ) -> Result<Self, EstimateError>
+    where
+        DefaultAllocator: AllocPair<N, A> + AllocPair<M, A> + AllocPair<N, M>,
+    {
+        let across = times_transpose::<N, N, M, A>(p, h); // P Hᵀ
+        let mut s = symmetric_product::<M, A>(&across.rows_generic(0, h.shape_generic().1).transpose(), h);
+        match noise {
+            Some(r) => s += r,
+            None => (0..s.nrows()).for_each(|k| s[(k, k)] += 1.0),
+        }
+        let factor = cholesky(s).ok_or(EstimateError::NotPositiveDefinite("the innovation's covariance"))?;
+        let mut transposed = across.transpose();
+        factor.solve_mut(&mut transposed);
+        Ok(Self { gain: transposed.transpose(), factor })
+    }
+
+    /// Takes out coordinates that are considered but not estimated: those where `considered` is not zero.
+    pub fn mask(&mut self, considered: &OVector<f64, N>) {
+        for (k, c) in considered.iter().enumerate() {
+            if *c != 0.0 {
+                self.gain.row_mut(k).fill(0.0);
+            }
+        }
+    }
+
+    /// `νᵀ S⁻¹ ν` and `ln det S`.
+    pub fn surprise(&self, nu: &OVector<f64, M>) -> (f64, f64) {
+        let l = self.factor.l_dirty();
+        let mut w = nu.clone();
+        l.solve_lower_triangular_mut(&mut w);
+        let log_det = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
+        (w.norm_squared(), log_det)
+    }
+
+    /// `P⁺` for this gain.
+    pub fn joseph<A: Dim>(
+        &self,
+        p: &OMatrix<f64, N, N>,
+        h: &OMatrix<f64, M, A>,
+        noise: Option<&OMatrix<f64, M, M>>,
+    ) -> OMatrix<f64, N, N>
+    where
+        DefaultAllocator: AllocPair<N, A> + AllocPair<M, A> + AllocPair<N, M>,
+    {
+        let (n, a) = (p.shape_generic().0, h.shape_generic().1);
+        let mut keep = OMatrix::<f64, N, N>::identity_generic(n, n);
+        {
+            let mut block = keep.columns_generic_mut(0, a);
+            block -= &self.gain * h;
+        }
+        let mut covariance = congruence::<N, N>(&keep, p);
+        covariance += match noise {
+            Some(r) => congruence::<N, M>(&self.gain, r),
+            None => symmetric_product::<N, M>(&self.gain, &self.gain),
+        };
+        covariance
+    }
+}
