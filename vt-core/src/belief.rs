@@ -229,6 +229,44 @@ where
     }
 }
 
+/// A state whose leading tangent coordinates are those of a smaller state `S`, such as a pose with a velocity and the
+/// pose alone: what estimators of unlike states exchange.
+pub trait Extends<S: Manifold>: Manifold
+where
+    DefaultAllocator: Alloc<S::D> + Alloc<Self::D>,
+{
+    /// The smaller state.
+    fn part(&self) -> S;
+
+    /// This state with the smaller one replaced.
+    fn with_part(&self, part: &S) -> Self;
+}
+
+impl<S: Manifold> Extends<S> for S
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn part(&self) -> S {
+        self.clone()
+    }
+    fn with_part(&self, part: &S) -> Self {
+        part.clone()
+    }
+}
+
+impl<P: Manifold> Extends<P> for Moving<P>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    fn part(&self) -> P {
+        self.pose.clone()
+    }
+    fn with_part(&self, part: &P) -> Self {
+        Self { pose: part.clone(), velocity: self.velocity.clone() }
+    }
+}
+
 /// The pose part of a state belief: mean and the leading block of the covariance.
 pub fn pose_marginal<P: Manifold, S: State<P>>(belief: &Gaussian<S>) -> Gaussian<P>
 where

@@ -65,6 +65,14 @@ where
         }
     }
 
+    /// `S⁻¹ b`.
+    pub fn solve<A: Dim>(&self, b: &OMatrix<f64, M, A>) -> OMatrix<f64, M, A>
+    where
+        DefaultAllocator: AllocPair<M, A>,
+    {
+        self.factor.solve(b)
+    }
+
     /// `νᵀ S⁻¹ ν` and `ln det S`.
     pub fn surprise(&self, nu: &OVector<f64, M>) -> (f64, f64) {
         let l = self.factor.l_dirty();

@@ -2,7 +2,7 @@
 
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
-use super::{Gaussian, State};
+use super::{Extends, Gaussian, Moving, State};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 
 /// Dimension of [`Accelerating`]: three times that of the pose.
@@ -112,5 +112,34 @@ where
             }
         }
         Gaussian { mean, covariance }
+    }
+}
+
+impl<P: Manifold> Extends<P> for Accelerating<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<Triple<P::D>>,
+{
+    fn part(&self) -> P {
+        self.pose.clone()
+    }
+    fn with_part(&self, part: &P) -> Self {
+        Self { pose: part.clone(), ..self.clone() }
+    }
+}
+
+impl<P: Manifold> Extends<Moving<P>> for Accelerating<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    fn part(&self) -> Moving<P> {
+        Moving { pose: self.pose.clone(), velocity: self.velocity.clone() }
+    }
+    fn with_part(&self, part: &Moving<P>) -> Self {
+        let Moving { pose, velocity } = part.clone();
+        Self { pose, velocity, acceleration: self.acceleration.clone() }
     }
 }

@@ -50,15 +50,24 @@ where
     }
 
     fn jacobian(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {
-        let n = state.pose.dim();
-        let step = &state.velocity * dt.0;
-        let mut f = Square::<Moving<P>>::identity_generic(state.dim(), state.dim());
-        f.generic_view_mut((0, 0), (n, n)).copy_from(&state.pose.transport(&step));
-        f.generic_view_mut((0, n.value()), (n, n)).copy_from(&(state.pose.retract_jacobian(&step) * dt.0));
-        f
+        moved(state, dt.0)
     }
 
     fn noise(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {
         driven_noise(self, state, dt, self.density.as_slice())
     }
+}
+
+/// Jacobian of `(x, ν) ↦ (x ⊞ ν span, ν)`.
+pub(super) fn moved<P: Manifold>(state: &Moving<P>, span: f64) -> Square<Moving<P>>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    let n = state.pose.dim();
+    let step = &state.velocity * span;
+    let mut f = Square::<Moving<P>>::identity_generic(state.dim(), state.dim());
+    f.generic_view_mut((0, 0), (n, n)).copy_from(&state.pose.transport(&step));
+    f.generic_view_mut((0, n.value()), (n, n)).copy_from(&(state.pose.retract_jacobian(&step) * span));
+    f
 }
