@@ -54,16 +54,22 @@ where
         seen - predicted
     }
 
-    /// `∂h(at ⊞ δ)/∂δ`; by central differences unless overridden.
-    fn jacobian(&self, at: &P) -> OMatrix<f64, Self::M, P::D> {
-        let m = self.predict(at).shape_generic().0;
-        let subtract = |a: &OVector<f64, Self::M>, b: &OVector<f64, Self::M>| self.residual(a, b);
-        differences_between(at.dim(), m, |e| self.predict(&at.retract(e)), subtract)
+    /// `∂h(at ⊞ δ)/∂δ`, where there is a closed form.
+    fn jacobian(&self, at: &P) -> Option<OMatrix<f64, Self::M, P::D>> {
+        let _ = at;
+        None
     }
 
-    /// `h(at)` and its Jacobian, for models that share work between them.
+    /// `h(at)` and its Jacobian: that of [`Self::jacobian`], or by central differences compared by [`Self::residual`].
+    /// For models that share work between both.
     fn linearize(&self, at: &P) -> (OVector<f64, Self::M>, OMatrix<f64, Self::M, P::D>) {
-        (self.predict(at), self.jacobian(at))
+        let predicted = self.predict(at);
+        let jacobian = self.jacobian(at).unwrap_or_else(|| {
+            let subtract = |a: &OVector<f64, Self::M>, b: &OVector<f64, Self::M>| self.residual(a, b);
+            let m = predicted.shape_generic().0;
+            differences_between(at.dim(), m, |e| self.predict(&at.retract(e)), subtract)
+        });
+        (predicted, jacobian)
     }
 }
 
@@ -107,8 +113,8 @@ where
     fn predict(&self, at: &P) -> OVector<f64, M> {
         (self.function)(at)
     }
-    fn jacobian(&self, at: &P) -> OMatrix<f64, M, P::D> {
-        (self.jacobian)(at)
+    fn jacobian(&self, at: &P) -> Option<OMatrix<f64, M, P::D>> {
+        Some((self.jacobian)(at))
     }
 }
 
@@ -129,8 +135,8 @@ where
     fn predict(&self, at: &P) -> OVector<f64, M> {
         &self.0 * at.components()
     }
-    fn jacobian(&self, _: &P) -> OMatrix<f64, M, P::D> {
-        self.0.clone()
+    fn jacobian(&self, _: &P) -> Option<OMatrix<f64, M, P::D>> {
+        Some(self.0.clone())
     }
 }
 
@@ -168,11 +174,8 @@ where
         }
         r
     }
-    fn jacobian(&self, at: &P) -> OMatrix<f64, H::M, P::D> {
+    fn jacobian(&self, at: &P) -> Option<OMatrix<f64, H::M, P::D>> {
         self.model.jacobian(at)
-    }
-    fn linearize(&self, at: &P) -> (OVector<f64, H::M>, OMatrix<f64, H::M, P::D>) {
-        self.model.linearize(at)
     }
 }
 

@@ -51,7 +51,7 @@ where
     let factor = cholesky(m.clone())?;
     let l = factor.l_dirty();
     // A pivot that is rounding of its own diagonal entry says that the matrix is singular.
-    let regular = (0..l.nrows()).all(|k| l[(k, k)] * l[(k, k)] > 1e-14 * m[(k, k)]);
+    let regular = (0..l.nrows()).all(|k| l[(k, k)] * l[(k, k)] > 1e-12 * m[(k, k)]);
     let log_det = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
     regular.then(|| (factor.inverse(), log_det))
 }
@@ -166,7 +166,7 @@ where
                 let whitened = crate::map::pseudo_solve(&root, &data.gradient).norm_squared();
                 let explained = vector.dot(&delta);
                 innovation.nis = (whitened - explained).max(0.0);
-                innovation.dof = (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count();
+                innovation.dof = crate::map::directions(&root, data.rows);
                 innovation.log_evidence = -data.cost + 0.5 * (explained - log_det + log_det_before);
             }
             mean = self.mean.retract(&delta);

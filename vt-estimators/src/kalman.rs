@@ -118,7 +118,12 @@ where
         };
         let weighted = (weight != 1.0).then(|| instrument.noise() / weight.max(f64::MIN_POSITIVE));
         let noise = weighted.as_ref().unwrap_or(instrument.noise());
-        let mut gain = Gain::new(&self.belief.covariance, &h, Some(noise))?;
+        let mut gain = match Gain::new(&self.belief.covariance, &h, Some(noise)) {
+            Ok(gain) => gain,
+            // Nearly parallel rows of nearly no noise: normal equations put them together first.
+            Err(_) if self.considered.is_none() => return self.correct(reading),
+            Err(e) => return Err(e),
+        };
         let (nis, log_det) = gain.surprise(&nu);
         if let Some(considered) = &self.considered {
             gain.mask(considered);

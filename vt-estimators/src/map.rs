@@ -169,7 +169,7 @@ where
         let covariance = gain.joseph(&self.covariance, &root.transpose(), None);
         let (nis, log_det) = gain.surprise(&nu);
         innovation.nis = nis;
-        innovation.dof = (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count();
+        innovation.dof = directions(&root, data.rows);
         innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - nis - log_det);
         Ok((delta, covariance))
     }
@@ -214,4 +214,12 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     0.5 * pseudo_solve(root, &prior.mean.local(x)).norm_squared()
+}
+
+/// Observable directions of data with this root: never more than rows, whatever rounding leaves.
+pub(crate) fn directions<D: Dim>(root: &OMatrix<f64, D, D>, rows: usize) -> usize
+where
+    DefaultAllocator: Alloc<D>,
+{
+    (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count().min(rows)
 }

@@ -14,7 +14,7 @@
 //! `L` (a central difference as wide as the belief) and `Ω` what they vary beyond it, plus unit noise, the correction is
 //!
 //! ```text
-//! G = 1 + B Ω⁻¹ Bᵀ,   δ = −L G⁻¹ B Ω⁻¹ ȳ,   P⁺ = L G⁻¹ Lᵀ,   S = Ω + BᵀB
+//! G = 1 + B Ω⁻¹ Bᵀ,   δ = −L G⁻¹ B Ω⁻¹ ȳ,   P⁺ = L G⁻¹ Lᵀ,   S = Ω + BᵀB,   det S = det Ω det G
 //! ```
 //!
 //! which equals `P − K S Kᵀ` and is positive semi-definite whatever the rounding.
@@ -244,10 +244,7 @@ where
             omega.ger(2.0 * w.other, &off, &off, 1.0);
         }
         symmetrize(&mut omega);
-        let mut s = &omega + b.tr_mul(&b);
-        symmetrize(&mut s);
         let unfit = EstimateError::NotPositiveDefinite("the innovation's covariance");
-        let s = cholesky(s).ok_or_else(|| unfit.clone())?;
         let omega = cholesky(omega).ok_or(unfit)?;
         let half = omega.solve(&b.transpose()); // Ω⁻¹ Bᵀ
         let mut g = &b * &half;
@@ -257,7 +254,9 @@ where
         symmetrize(&mut g);
         let unfit = EstimateError::NotPositiveDefinite("the corrected covariance");
         let g = cholesky(g).ok_or(unfit)?;
-        let delta = -(root * g.solve(&half.tr_mul(&mean)));
+        let pull = half.tr_mul(&mean); // B Ω⁻¹ ȳ
+        let turned = g.solve(&pull);
+        let delta = -(root * &turned);
         // L T⁻ᵀ with T Tᵀ = G.
         let mut thin = root.transpose();
         g.l_dirty().solve_lower_triangular_mut(&mut thin);
@@ -269,9 +268,9 @@ where
             return Err(EstimateError::NotFinite("the corrected state"));
         }
         self.belief = posterior;
-        let l = s.l_dirty();
-        let log_det: f64 = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
-        let nis = mean.dot(&s.solve(&mean));
+        // S = Ω + BᵀB: det S = det Ω det G, and its inverse by Woodbury's identity.
+        let log_det = log_det(omega.l_dirty()) + log_det(g.l_dirty());
+        let nis = (mean.dot(&omega.solve(&mean)) - pull.dot(&turned)).max(0.0);
         Ok(Innovation {
             nis,
             dof: mean.len(),
@@ -413,4 +412,12 @@ where
     fn scale_process_noise(&mut self, factor: f64) {
         self.noise_factor = factor;
     }
+}
+
+/// `ln det L Lᵀ` of a lower triangular `L`.
+fn log_det<D: Dim>(l: &OMatrix<f64, D, D>) -> f64
+where
+    DefaultAllocator: Alloc<D>,
+{
+    (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum()
 }

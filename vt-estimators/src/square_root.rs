@@ -23,7 +23,7 @@ use vt_core::time::Seconds;
 
 use crate::gaussian_filter::GaussianFilter;
 use crate::kalman::fits;
-use crate::map::pseudo_solve;
+use crate::map::{directions, pseudo_solve};
 use crate::prior::{at_rest, checked};
 
 /// Extended Kalman filter in square-root form for a state `S` with a pose `P` under the dynamics `M`.
@@ -223,7 +223,7 @@ where
         let (nis, log_det) = self.condition::<P::D>(&y, &root.transpose())?;
         Ok(Innovation {
             nis,
-            dof: (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count(),
+            dof: directions(&root, data.rows),
             log_evidence: -data.cost + 0.5 * (y.norm_squared() - nis - log_det),
             iterations: 1,
             stop: StopReason::Direct,

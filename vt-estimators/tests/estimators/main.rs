@@ -2,9 +2,12 @@
 
 mod assignment;
 mod consistency;
+mod forms;
+mod honesty;
 mod linear;
 mod loose_and_tight;
 mod particles;
 mod posterior;
 mod prediction;
 mod problems;
+mod several;
