@@ -94,15 +94,18 @@ pub fn cases() -> Vec<Case> {
     let radar = || Instrument::new(bearing_range(Vector2::new(-20.0, -30.0)), noise).expect("valid");
     let model = radar();
     let z = model.model().predict(&target);
-    let mut extended = KalmanFilter::<Plane, Plane, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
+    let mut extended =
+        KalmanFilter::<Plane, Plane, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let rule = Rule::Unscented { alpha: 0.5, beta: 2.0, kappa: -1.0 };
-    let mut unscented = SigmaPointFilter::<Plane, Plane, _>::from_belief(prior, motion, rule).expect("a prior");
+    let mut unscented =
+        SigmaPointFilter::<Plane, Plane, _>::from_belief(prior, motion, rule).expect("a prior");
     let (sensor, other) = (radar(), radar());
     let modes = vec![mode::<Plane, Plane, Plane, _>(linear!(4, 2, 1.0)), mode(linear!(4, 2, 100.0))];
     let transition = nalgebra::DMatrix::from_row_slice(2, 2, &[0.95, 0.05, 0.05, 0.95]);
     let common = linear!(4, 2, 1.0).belief().clone();
     let mut imm = Imm::new(modes, &[0.5, 0.5], Switching::Step(transition), &common).expect("models");
-    let position = Instrument::<Plane, _>::new(Linear(SMatrix::<f64, 2, 4>::identity()), Matrix2::identity() * 1e-2);
+    let position =
+        Instrument::<Plane, _>::new(Linear(SMatrix::<f64, 2, 4>::identity()), Matrix2::identity() * 1e-2);
     let position = position.expect("valid");
     vec![
         ("KF_4_2", kalman_case!(4, 2)),

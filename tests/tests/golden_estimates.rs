@@ -48,7 +48,9 @@ impl Golden {
     fn rows(value: &Value) -> Vec<Vec<f64>> {
         let number = |v: &Value| v.as_f64().expect("a number");
         let rows = value.as_array().expect("rows");
-        rows.iter().map(|r| r.as_array().map_or_else(|| vec![number(r)], |r| r.iter().map(number).collect())).collect()
+        rows.iter()
+            .map(|r| r.as_array().map_or_else(|| vec![number(r)], |r| r.iter().map(number).collect()))
+            .collect()
     }
     fn matrix<const R: usize, const C: usize>(value: &Value) -> SMatrix<f64, R, C> {
         let rows = Self::rows(value);
@@ -78,7 +80,12 @@ impl Golden {
         self.instrument(Linear(Self::matrix(&self.0["H"])))
     }
     /// Largest difference of a filter's posteriors from those of the file.
-    fn difference<H>(&self, filter: &mut dyn Estimator<Plane>, instrument: &Instrument<Plane, H>, prefix: &str) -> f64
+    fn difference<H>(
+        &self,
+        filter: &mut dyn Estimator<Plane>,
+        instrument: &Instrument<Plane, H>,
+        prefix: &str,
+    ) -> f64
     where
         H: MeasurementModel<Plane, M = nalgebra::Const<2>> + 'static,
     {
@@ -102,7 +109,8 @@ impl Golden {
 fn linear_filters() {
     let Some(golden) = Golden::load("kf_cv") else { return };
     let (prior, motion) = (golden.prior(), golden.motion());
-    let kalman = KalmanFilter::<Plane, Plane, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
+    let kalman =
+        KalmanFilter::<Plane, Plane, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let information = InformationFilter::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let root = SquareRootFilter::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let cubature = SigmaPointFilter::from_belief(prior, motion, Rule::Cubature).expect("a prior");
@@ -123,7 +131,8 @@ fn linear_filters() {
 #[test]
 fn smoother() {
     let Some(golden) = Golden::load("rts_cv") else { return };
-    let kalman = KalmanFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion()).expect("a prior");
+    let kalman =
+        KalmanFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion()).expect("a prior");
     let mut smoother = Smoother::<Plane, _>::new(kalman);
     for z in golden.list::<2>("measurements") {
         smoother.predict(Seconds(1.0)).expect("finite");
@@ -144,7 +153,8 @@ fn smoother() {
 fn extended_filter() {
     let Some(golden) = Golden::load("ekf_bearing_range") else { return };
     let instrument = golden.instrument(bearing_range(Golden::matrix::<2, 1>(&golden.0["sensor"])));
-    let mut filter = KalmanFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion()).expect("a prior");
+    let mut filter =
+        KalmanFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion()).expect("a prior");
     let difference = golden.difference(&mut filter, &instrument, "");
     println!("ekf_bearing_range: {difference:.1e}");
     assert!(difference < 1e-10, "{difference}");

@@ -50,7 +50,11 @@ where
     fn predict(&self, at: &P) -> OVector<f64, Self::M>;
 
     /// `z ⊟ h`: `seen − predicted` unless overridden (angles wrap).
-    fn residual(&self, seen: &OVector<f64, Self::M>, predicted: &OVector<f64, Self::M>) -> OVector<f64, Self::M> {
+    fn residual(
+        &self,
+        seen: &OVector<f64, Self::M>,
+        predicted: &OVector<f64, Self::M>,
+    ) -> OVector<f64, Self::M> {
         seen - predicted
     }
 

@@ -1,12 +1,14 @@
 //! The law harness on all spaces, models and measurements of this crate, and on models of users.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix6, Point2, Point3, SMatrix, Vector1, Vector2, Vector3, Vector6};
+use nalgebra::{
+    DMatrix, DVector, Matrix2, Matrix6, Point2, Point3, SMatrix, Vector1, Vector2, Vector3, Vector6,
+};
 use proptest::prelude::*;
 use vt_core::agent::{Dynamics, Posed, Warp};
 use vt_core::belief::{Accelerating, Moving};
 use vt_core::dynamics::{
-    Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Custom, DiscreteWhiteAcceleration,
-    LinearRate, LinearStep, OrnsteinUhlenbeck, Singer,
+    Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Custom,
+    DiscreteWhiteAcceleration, LinearRate, LinearStep, OrnsteinUhlenbeck, Singer,
 };
 use vt_core::error::EstimateError;
 use vt_core::laws::{self, Dual64, MeasurementTolerance, group, proptest};
@@ -217,7 +219,9 @@ fn linear_steps_are_their_matrices() {
 }
 
 fn bearing() -> Instrument<Vector<4>, impl MeasurementModel<Vector<4>, M = nalgebra::Const<2>>> {
-    let h = Function(|s: &Vector<4>| Vector2::new(math::atan2(s.0[1], s.0[0] - 9.0), math::hypot(s.0[1], s.0[0] - 9.0)));
+    let h = Function(|s: &Vector<4>| {
+        Vector2::new(math::atan2(s.0[1], s.0[0] - 9.0), math::hypot(s.0[1], s.0[0] - 9.0))
+    });
     Instrument::new(Angular::new(h, [0]), Matrix2::new(0.02, 0.01, 0.01, 0.3)).expect("a covariance")
 }
 measurement_laws!(bearing_and_range: bearing().read(Vector2::new(3.0, 8.0)).expect("finite"), group::<Vector<4>>(2.0));
@@ -234,13 +238,23 @@ measurement_laws!(
 fn readings_are_checked() {
     let h = || Linear(SMatrix::<f64, 2, 3>::zeros());
     for bad in [Matrix2::zeros(), -Matrix2::identity(), Matrix2::new(1.0, 0.5, 0.0, 1.0)] {
-        assert!(matches!(Instrument::<Vector<3>, _>::new(h(), bad), Err(EstimateError::NotPositiveDefinite(_))));
+        assert!(matches!(
+            Instrument::<Vector<3>, _>::new(h(), bad),
+            Err(EstimateError::NotPositiveDefinite(_))
+        ));
     }
-    assert!(matches!(Instrument::<Vector<3>, _>::new(h(), Matrix2::repeat(f64::NAN)), Err(EstimateError::NotFinite(_))));
+    assert!(matches!(
+        Instrument::<Vector<3>, _>::new(h(), Matrix2::repeat(f64::NAN)),
+        Err(EstimateError::NotFinite(_))
+    ));
     let fit = Instrument::<Vector<3>, _>::new(h(), Matrix2::identity()).expect("valid");
     assert!(matches!(fit.read(Vector2::new(f64::INFINITY, 0.0)), Err(EstimateError::NotFinite(_))));
-    let any = Instrument::<DynVector, _>::new(Linear(DMatrix::zeros(2, 3)), DMatrix::identity(2, 2)).expect("valid");
-    assert!(matches!(any.read(DVector::zeros(3)), Err(EstimateError::Dimension { found: 3, expected: 2, .. })));
+    let any = Instrument::<DynVector, _>::new(Linear(DMatrix::zeros(2, 3)), DMatrix::identity(2, 2))
+        .expect("valid");
+    assert!(matches!(
+        any.read(DVector::zeros(3)),
+        Err(EstimateError::Dimension { found: 3, expected: 2, .. })
+    ));
 }
 
 /// A pinhole camera, as a user would write it.

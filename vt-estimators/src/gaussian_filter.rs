@@ -48,7 +48,8 @@ where
 {
     let f = dynamics.jacobian(&belief.mean, dt);
     let mean = dynamics.propagate(&belief.mean, dt);
-    let covariance = congruence::<S::D, S::D>(&f, &belief.covariance) + dynamics.noise(&belief.mean, dt) * noise_factor;
+    let covariance =
+        congruence::<S::D, S::D>(&f, &belief.covariance) + dynamics.noise(&belief.mean, dt) * noise_factor;
     let cross = times_transpose::<S::D, S::D, S::D, S::D>(&belief.covariance, &f);
     let next = Gaussian { mean, covariance };
     if next.is_finite() { Ok((next, cross)) } else { Err(EstimateError::NotFinite("the predicted state")) }

@@ -353,7 +353,9 @@ where
         self.mixed.clear();
         for j in 0..models {
             self.terms.clear();
-            self.terms.extend((0..models).map(|i| math::ln(transition[(i, j)].max(0.0)) + self.log_probabilities[i]));
+            self.terms.extend(
+                (0..models).map(|i| math::ln(transition[(i, j)].max(0.0)) + self.log_probabilities[i]),
+            );
             let total = math::log_sum_exp(&self.terms);
             self.next.push(total);
             let own = self.modes[j].lift(&self.combined);

@@ -42,9 +42,7 @@ where
 }
 
 /// The inverse of a positive definite matrix and the logarithm of its determinant.
-fn invert<D: Dim>(
-    m: &nalgebra::OMatrix<f64, D, D>,
-) -> Option<(nalgebra::OMatrix<f64, D, D>, f64)>
+fn invert<D: Dim>(m: &nalgebra::OMatrix<f64, D, D>) -> Option<(nalgebra::OMatrix<f64, D, D>, f64)>
 where
     DefaultAllocator: Alloc<D>,
 {
@@ -118,7 +116,8 @@ where
         let f = self.dynamics.jacobian(&self.mean, dt);
         let l = self.dynamics.noise_root(&self.mean, dt) * self.noise_factor.sqrt();
         let mean = self.dynamics.propagate(&self.mean, dt);
-        let back = f.try_inverse().ok_or(EstimateError::NotFinite("the inverse of the transition"))?.transpose();
+        let back =
+            f.try_inverse().ok_or(EstimateError::NotFinite("the inverse of the transition"))?.transpose();
         let m = congruence::<S::D, S::D>(&back, &self.information);
         let ml = &m * &l;
         let mut inner = l.tr_mul(&ml);
@@ -126,7 +125,8 @@ where
             inner[(k, k)] += 1.0;
         }
         symmetrize(&mut inner);
-        let factor = cholesky(inner).ok_or(EstimateError::NotPositiveDefinite("the predicted information"))?;
+        let factor =
+            cholesky(inner).ok_or(EstimateError::NotPositiveDefinite("the predicted information"))?;
         let j = factor.solve(&ml.transpose()).transpose();
         let keep = Square::<S>::identity_generic(n, n) - &j * l.transpose();
         let mut information = congruence::<S::D, S::D>(&keep, &m) + &j * j.transpose();

@@ -139,7 +139,14 @@ where
         self.belief = posterior;
         let log_evidence = 0.5 * (instrument.log_det() - nis - log_det);
         let dof = nu.len();
-        Ok(Innovation { nis, dof, log_evidence, iterations: 1, stop: StopReason::Direct, ..Innovation::default() })
+        Ok(Innovation {
+            nis,
+            dof,
+            log_evidence,
+            iterations: 1,
+            stop: StopReason::Direct,
+            ..Innovation::default()
+        })
     }
 
     /// Takes in a reading row by row, each row of the whitened reading a scalar measurement: no matrix is factored. On
@@ -156,7 +163,8 @@ where
         fits(j.ncols(), self.belief.mean.pose())?;
         let mut p = self.belief.covariance.clone();
         let mut delta = self.belief.mean.zero();
-        let mut innovation = Innovation { dof: r.len(), iterations: 1, stop: StopReason::Direct, ..Innovation::default() };
+        let mut innovation =
+            Innovation { dof: r.len(), iterations: 1, stop: StopReason::Direct, ..Innovation::default() };
         let a = j.shape_generic().1;
         for k in 0..r.len() {
             let row = j.row(k).transpose();
@@ -168,7 +176,11 @@ where
             }
             let mut gain = &side / s;
             if let Some(considered) = &self.considered {
-                gain.zip_apply(considered, |g, c| if c != 0.0 { *g = 0.0 });
+                gain.zip_apply(considered, |g, c| {
+                    if c != 0.0 {
+                        *g = 0.0
+                    }
+                });
             }
             delta.axpy(nu, &gain, 1.0);
             // (1 − KH) P (1 − KH)ᵀ + K Kᵀ for one row.
@@ -179,8 +191,10 @@ where
             innovation.nis += nu * nu / s;
             innovation.log_evidence -= 0.5 * (nu * nu / s + vt_core::math::ln(s));
         }
-        let posterior =
-            Gaussian { mean: self.belief.mean.retract(&delta), covariance: reset(&self.belief.mean, &delta, p) };
+        let posterior = Gaussian {
+            mean: self.belief.mean.retract(&delta),
+            covariance: reset(&self.belief.mean, &delta, p),
+        };
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
@@ -226,7 +240,9 @@ where
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
         if self.considered.is_some() {
-            return Err(EstimateError::Unsupported("considered coordinates in a correction by normal equations"));
+            return Err(EstimateError::Unsupported(
+                "considered coordinates in a correction by normal equations",
+            ));
         }
         let (posterior, innovation) = maximum_a_posteriori(&self.belief, z, self.iterations)?;
         self.belief = posterior;

@@ -184,8 +184,7 @@ where
         let mut covariance = p - across * weighted;
         symmetrize(&mut covariance);
         let (nis, log_det) = gain.surprise(&nu);
-        let posterior =
-            Gaussian { mean: mean.retract(&delta), covariance: reset(mean, &delta, covariance) };
+        let posterior = Gaussian { mean: mean.retract(&delta), covariance: reset(mean, &delta, covariance) };
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }

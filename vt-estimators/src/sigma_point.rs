@@ -332,11 +332,13 @@ where
                 if m == 0 {
                     return Ok(Innovation::default());
                 }
-                let mut innovation =
-                    self.condition::<Dyn>(&root, Dyn(m), |k| DVector::from_column_slice(&rows[k * m..(k + 1) * m]));
+                let mut innovation = self.condition::<Dyn>(&root, Dyn(m), |k| {
+                    DVector::from_column_slice(&rows[k * m..(k + 1) * m])
+                });
                 if let Ok(innovation) = &mut innovation {
                     // Rows without noise of their own say nothing.
-                    innovation.dof = (0..m).filter(|&r| rows.iter().skip(r).step_by(m).any(|v| *v != 0.0)).count();
+                    innovation.dof =
+                        (0..m).filter(|&r| rows.iter().skip(r).step_by(m).any(|v| *v != 0.0)).count();
                 }
                 innovation
             }

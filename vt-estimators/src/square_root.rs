@@ -92,7 +92,14 @@ where
         let (nis, log_det) = self.condition::<H::M>(&nu, &h)?;
         let log_evidence = -0.5 * (nis + log_det);
         let dof = nu.len();
-        Ok(Innovation { nis, dof, log_evidence, iterations: 1, stop: StopReason::Direct, ..Innovation::default() })
+        Ok(Innovation {
+            nis,
+            dof,
+            log_evidence,
+            iterations: 1,
+            stop: StopReason::Direct,
+            ..Innovation::default()
+        })
     }
 
     /// Conditions the belief on `nu = H δ + v` with unit noise; returns the NIS and `ln det S`.

@@ -70,11 +70,31 @@ impl Dynamics<Vector<5>> for CoordinatedTurn {
         let (sin, cos) = math::sin_cos(rate * dt);
         let (s, c, square) = (s * dt, c * dt, dt * dt);
         Matrix5::from_row_slice(&[
-            1.0, 0.0, s, -c, (ds * vx - dc * vy) * square,
-            0.0, 1.0, c, s, (dc * vx + ds * vy) * square,
-            0.0, 0.0, cos, -sin, (-sin * vx - cos * vy) * dt,
-            0.0, 0.0, sin, cos, (cos * vx - sin * vy) * dt,
-            0.0, 0.0, 0.0, 0.0, 1.0,
+            1.0,
+            0.0,
+            s,
+            -c,
+            (ds * vx - dc * vy) * square,
+            0.0,
+            1.0,
+            c,
+            s,
+            (dc * vx + ds * vy) * square,
+            0.0,
+            0.0,
+            cos,
+            -sin,
+            (-sin * vx - cos * vy) * dt,
+            0.0,
+            0.0,
+            sin,
+            cos,
+            (cos * vx - sin * vy) * dt,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
         ])
     }
 

@@ -159,7 +159,8 @@ fn noise_of_fading_models_has_its_closed_form() {
     let (tau, q, d) = (0.4, 2.0, 0.9_f64);
     let decay = |k: f64| math::exp(-k * d / tau);
     let ou = OrnsteinUhlenbeck::<Vector<1>>::new(Seconds(tau), Vector1::new(q)).expect("valid");
-    let found = ou.noise(&Moving { pose: Vector(Vector1::new(1.0)), velocity: Vector1::new(3.0) }, Seconds(d));
+    let found =
+        ou.noise(&Moving { pose: Vector(Vector1::new(1.0)), velocity: Vector1::new(3.0) }, Seconds(d));
     let vv = 0.5 * q * tau * (1.0 - decay(2.0));
     let xv = 0.5 * q * tau * tau * (1.0 - decay(1.0)).powi(2);
     let xx = q * tau * tau * (d - 2.0 * tau * (1.0 - decay(1.0)) + 0.5 * tau * (1.0 - decay(2.0)));
@@ -167,7 +168,8 @@ fn noise_of_fading_models_has_its_closed_form() {
     // Singer 1970 as in Bar-Shalom, Li, Kirubarajan 2001, Eq. 8.2.2-9, with α = 1/τ and q = 2α σ².
     let singer = Singer::<Vector<1>>::new(Seconds(tau), Vector1::new(q)).expect("valid");
     let zero = Vector1::new(0.0);
-    let found = singer.noise(&Accelerating { pose: Vector(zero), velocity: zero, acceleration: zero }, Seconds(d));
+    let found =
+        singer.noise(&Accelerating { pose: Vector(zero), velocity: zero, acceleration: zero }, Seconds(d));
     let (a, u) = (1.0 / tau, d / tau);
     let (e1, e2) = (math::exp(-u), math::exp(-2.0 * u));
     let q11 = (1.0 - e2 + 2.0 * u + 2.0 * u.powi(3) / 3.0 - 2.0 * u * u - 4.0 * u * e1) / (2.0 * a.powi(5));
@@ -226,7 +228,8 @@ fn camera_velocity_moves_on_the_left() {
     assert!(moved.pose.local(&expected).norm() < 1e-15);
     // The same motion as a body twist.
     let body = Moving { pose: s.pose, velocity: s.pose.inverse().adjoint() * s.velocity };
-    let same = ConstantVelocity::<SE3>::new(Vector6::repeat(1.0)).expect("valid").propagate(&body, Seconds(0.3));
+    let same =
+        ConstantVelocity::<SE3>::new(Vector6::repeat(1.0)).expect("valid").propagate(&body, Seconds(0.3));
     assert!(moved.pose.local(&same.pose).norm() < 1e-14);
 }
 

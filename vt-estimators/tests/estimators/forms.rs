@@ -1,7 +1,9 @@
 //! One posterior, many forms: covariance, information, square root, sigma points; by a reading, by normal equations, row
 //! by row; with sizes known at compile time and at run time.
 
-use nalgebra::{Const, DMatrix, DVector, Dim, Dyn, Matrix2, Matrix3, OMatrix, OVector, SMatrix, Vector2, Vector3};
+use nalgebra::{
+    Const, DMatrix, DVector, Dim, Dyn, Matrix2, Matrix3, OMatrix, OVector, SMatrix, Vector2, Vector3,
+};
 use proptest::prelude::*;
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, Moving};
@@ -42,18 +44,22 @@ where
     let s = &problem.steps[0];
     let motion = LinearStep::new(square(&s.f), square(&s.q)).expect("sizes fit");
     let kalman = || KalmanFilter::<S, S, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
-    let sigma = |rule| SigmaPointFilter::<S, S, _>::from_belief(prior.clone(), motion.clone(), rule).expect("a prior");
+    let sigma = |rule| {
+        SigmaPointFilter::<S, S, _>::from_belief(prior.clone(), motion.clone(), rule).expect("a prior")
+    };
     let (mut direct, mut dual, mut rows, mut iterated) = (kalman(), kalman(), kalman(), kalman().iterated(5));
     let mut root = SquareRootFilter::<S, S, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let mut root_dual = root.clone();
-    let mut information = InformationFilter::<S, S, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
+    let mut information =
+        InformationFilter::<S, S, _>::from_belief(prior.clone(), motion.clone()).expect("a prior");
     let (mut cubature, mut unscented) = (sigma(Rule::Cubature), sigma(UNSCENTED));
     let (mut cubature_dual, mut wide) = (sigma(Rule::Cubature), sigma(Rule::UNSCENTED));
     for (k, s) in problem.steps.iter().enumerate() {
         let h = OMatrix::<f64, M, S::D>::from_fn_generic(m, n, |r, c| s.h[(r, c)]);
         let r = OMatrix::<f64, M, M>::from_fn_generic(m, m, |r, c| if r == c { s.r[r] } else { 0.0 });
         let instrument = Instrument::<S, _>::new(Linear(h), r).expect("a covariance");
-        let reading = instrument.read(OVector::from_fn_generic(m, Const::<1>, |k, _| s.z[k])).expect("finite");
+        let reading =
+            instrument.read(OVector::from_fn_generic(m, Const::<1>, |k, _| s.z[k])).expect("finite");
         let z = &reading;
         let dt = Seconds(1.0);
         let mut results: Vec<(&str, Innovation, Gaussian<S>)> = vec![];
@@ -82,9 +88,15 @@ where
             assert!(close(&dense(&belief.covariance), &covariance), "{name}, step {k}: covariance");
             assert_eq!(innovation.dof, first.dof, "{name}");
             let scale = 1.0 + first.nis.abs() + first.log_evidence.abs();
-            assert!((innovation.nis - first.nis).abs() < 1e-8 * scale, "{name}: NIS {innovation:?} {first:?}");
+            assert!(
+                (innovation.nis - first.nis).abs() < 1e-8 * scale,
+                "{name}: NIS {innovation:?} {first:?}"
+            );
             // Up to what no state explains: with at most as many rows as coordinates there is nothing.
-            assert!((innovation.log_evidence - first.log_evidence).abs() < 1e-8 * scale, "{name} {innovation:?} {first:?}");
+            assert!(
+                (innovation.log_evidence - first.log_evidence).abs() < 1e-8 * scale,
+                "{name} {innovation:?} {first:?}"
+            );
         }
     }
 }
@@ -191,10 +203,15 @@ fn ill_conditioned(steps: u32) {
     let random = &mut random(5);
     let prior = Gaussian::from_sigmas(Vector(Vector3::zeros()), &Vector3::new(1e6, 1.0, 1e-3));
     let motion = || Brownian::new(Vector3::new(1e4, 1e-8, 0.0)).expect("not negative");
-    let mut kalman = KalmanFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
-    let mut root = SquareRootFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
-    let mut information = InformationFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
-    let mut cubature = SigmaPointFilter::<Vector<3>, Vector<3>, _>::from_belief(prior, motion(), Rule::Cubature).expect("a prior");
+    let mut kalman =
+        KalmanFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let mut root =
+        SquareRootFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let mut information =
+        InformationFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let mut cubature =
+        SigmaPointFilter::<Vector<3>, Vector<3>, _>::from_belief(prior, motion(), Rule::Cubature)
+            .expect("a prior");
     for k in 0..steps {
         let dt = Seconds(if k % 7 == 0 { 1e3 } else { 1e-3 });
         let tilt = 1e-7 * random.normal();
@@ -212,7 +229,9 @@ fn ill_conditioned(steps: u32) {
         cubature.update(&z).expect("finite");
         let y = information.information();
         assert!(*y == y.transpose() && symmetric_eigen(y).0.min() >= -1e-15 * y.trace(), "step {k}: {y}");
-        for (name, belief) in [("kalman", kalman.belief().clone()), ("root", root.belief()), ("cubature", cubature.belief())] {
+        for (name, belief) in
+            [("kalman", kalman.belief().clone()), ("root", root.belief()), ("cubature", cubature.belief())]
+        {
             let p = belief.covariance;
             assert_eq!(p, p.transpose(), "{name}, step {k}");
             let lowest = symmetric_eigen(&p).0.min();
@@ -241,7 +260,11 @@ fn considered_coordinates_keep_their_belief() {
     let still = Brownian::<Vector<2>>::new(Vector2::zeros()).expect("valid");
     let filter = KalmanFilter::<Vector<2>, Vector<2>, _>::from_belief(prior, still).expect("a prior");
     let mut schmidt = filter.considering(Vector2::new(0.0, 1.0));
-    let instrument = Instrument::<Vector<2>, _>::new(Linear(SMatrix::<f64, 1, 2>::new(1.0, 1.0)), SMatrix::<f64, 1, 1>::new(0.2)).expect("valid");
+    let instrument = Instrument::<Vector<2>, _>::new(
+        Linear(SMatrix::<f64, 1, 2>::new(1.0, 1.0)),
+        SMatrix::<f64, 1, 1>::new(0.2),
+    )
+    .expect("valid");
     let z = instrument.read(SMatrix::<f64, 1, 1>::new(5.0)).expect("finite");
     let mut rows = schmidt.clone();
     let innovation = schmidt.update(&z).expect("finite");
@@ -262,25 +285,53 @@ fn considered_coordinates_keep_their_belief() {
 fn wrong_readings_are_errors() {
     let prior = Gaussian::from_sigmas(DynVector(DVector::zeros(3)), &DVector::repeat(3, 1.0));
     let still = Brownian::<DynVector>::new(DVector::zeros(3)).expect("valid");
-    let mut kalman = KalmanFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still.clone()).expect("a prior");
-    let mut root = SquareRootFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still).expect("a prior");
-    let narrow = Differentiable { function: |_: &DynVector| DVector::zeros(1), jacobian: |_: &DynVector| DMatrix::zeros(1, 2) };
-    let z = Instrument::<DynVector, _>::new(narrow, DMatrix::identity(1, 1)).expect("valid").read(DVector::zeros(1)).expect("finite");
+    let mut kalman =
+        KalmanFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still.clone()).expect("a prior");
+    let mut root =
+        SquareRootFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still).expect("a prior");
+    let narrow = Differentiable {
+        function: |_: &DynVector| DVector::zeros(1),
+        jacobian: |_: &DynVector| DMatrix::zeros(1, 2),
+    };
+    let z = Instrument::<DynVector, _>::new(narrow, DMatrix::identity(1, 1))
+        .expect("valid")
+        .read(DVector::zeros(1))
+        .expect("finite");
     let nan = Function(|s: &DynVector| s.0.rows(0, 1).map(|v| (v - 1.0).sqrt()));
-    let y = Instrument::<DynVector, _>::new(nan, DMatrix::identity(1, 1)).expect("valid").read(DVector::zeros(1)).expect("finite");
+    let y = Instrument::<DynVector, _>::new(nan, DMatrix::identity(1, 1))
+        .expect("valid")
+        .read(DVector::zeros(1))
+        .expect("finite");
     for error in [kalman.update(&z), kalman.update_by_rows(&z), root.update(&z)] {
         assert!(matches!(error, Err(EstimateError::Dimension { found: 2, expected: 3, .. })), "{error:?}");
     }
-    assert!(kalman.update(&y).is_err() && kalman.correct(&y).is_err() && root.update(&y).is_err() && root.correct(&y).is_err());
+    assert!(
+        kalman.update(&y).is_err()
+            && kalman.correct(&y).is_err()
+            && root.update(&y).is_err()
+            && root.correct(&y).is_err()
+    );
     assert_eq!(kalman.belief().covariance, prior.covariance);
     let narrow = Gaussian { mean: prior.mean.clone(), covariance: DMatrix::identity(2, 2) };
     let still = Brownian::<DynVector>::new(DVector::zeros(3)).expect("valid");
-    assert!(matches!(KalmanFilter::<DynVector, DynVector, _>::from_belief(narrow, still.clone()), Err(EstimateError::Dimension { .. })));
-    for bad in [Rule::Unscented { alpha: 0.0, beta: 2.0, kappa: 0.0 }, Rule::Unscented { alpha: 0.5, beta: 2.0, kappa: -3.0 }] {
-        assert!(matches!(SigmaPointFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still.clone(), bad), Err(EstimateError::Config(_))));
+    assert!(matches!(
+        KalmanFilter::<DynVector, DynVector, _>::from_belief(narrow, still.clone()),
+        Err(EstimateError::Dimension { .. })
+    ));
+    for bad in [
+        Rule::Unscented { alpha: 0.0, beta: 2.0, kappa: 0.0 },
+        Rule::Unscented { alpha: 0.5, beta: 2.0, kappa: -3.0 },
+    ] {
+        assert!(matches!(
+            SigmaPointFilter::<DynVector, DynVector, _>::from_belief(prior.clone(), still.clone(), bad),
+            Err(EstimateError::Config(_))
+        ));
     }
     let flat = Gaussian::from_sigmas(prior.mean.clone(), &DVector::from_vec(vec![1.0, 0.0, 1.0]));
-    assert!(matches!(InformationFilter::<DynVector, DynVector, _>::from_belief(flat, still), Err(EstimateError::NotPositiveDefinite(_))));
+    assert!(matches!(
+        InformationFilter::<DynVector, DynVector, _>::from_belief(flat, still),
+        Err(EstimateError::NotPositiveDefinite(_))
+    ));
 }
 
 /// A span cut in parts is the span, for every form.
@@ -296,7 +347,9 @@ fn prediction_does_not_depend_on_how_time_is_cut() {
         Box::new(KalmanFilter::from_belief(prior.clone(), motion.clone()).expect("a prior")),
         Box::new(SquareRootFilter::from_belief(prior.clone(), motion.clone()).expect("a prior")),
         Box::new(InformationFilter::from_belief(prior.clone(), motion.clone()).expect("a prior")),
-        Box::new(SigmaPointFilter::from_belief(prior.clone(), motion.clone(), Rule::Cubature).expect("a prior")),
+        Box::new(
+            SigmaPointFilter::from_belief(prior.clone(), motion.clone(), Rule::Cubature).expect("a prior"),
+        ),
     ];
     for filter in &mut whole {
         filter.predict(Seconds(0.9)).expect("finite");

@@ -142,7 +142,10 @@ where
     for (kind, (nees, nis)) in KINDS.iter().zip(&records) {
         let figures = [nees, nis].map(|c| (c.ratio(), c.p_value()));
         assert_eq!(nees.samples(), RUNS as usize);
-        assert!(nees.is_consistent(0.999), "{kind:?} on {name}: NEES per degree of freedom, tail: {figures:?}");
+        assert!(
+            nees.is_consistent(0.999),
+            "{kind:?} on {name}: NEES per degree of freedom, tail: {figures:?}"
+        );
         assert!(nis.is_consistent(0.999), "{kind:?} on {name}: NIS per degree of freedom, tail: {figures:?}");
     }
 }

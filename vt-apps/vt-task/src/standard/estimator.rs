@@ -152,7 +152,10 @@ impl Params for Cubature {
     }
 }
 
-pub(super) fn cubature(p: Cubature, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+pub(super) fn cubature(
+    p: Cubature,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
     sigma_points(Rule::Cubature, p.iterations, c)
 }
 

@@ -64,8 +64,16 @@ impl Registry {
             .with(Method::<Motions<SE3>>::new("brownian", "random walk of the pose", motion::brownian))
             .with(Method::<Motions<SE3>>::new("constant-velocity", "white acceleration", motion::velocity))
             .with(Method::<Motions<SE3>>::new("constant-acceleration", "white jerk", motion::acceleration))
-            .with(Method::<Motions<SE3>>::new("camera-velocity", "white acceleration, camera's frame", motion::camera))
-            .with(Method::<Motions<SE3>>::new("fading-velocity", "Ornstein-Uhlenbeck velocity", motion::fading))
+            .with(Method::<Motions<SE3>>::new(
+                "camera-velocity",
+                "white acceleration, camera's frame",
+                motion::camera,
+            ))
+            .with(Method::<Motions<SE3>>::new(
+                "fading-velocity",
+                "Ornstein-Uhlenbeck velocity",
+                motion::fading,
+            ))
             .with(Method::<Inits<SE3>>::new("pose", "a pose written in the task", init::pose))
             .with(Method::<Inits<SE3>>::new("file", "a pose from a file", init::file))
             .with(Method::<Inits<SE3>>::new("truth", "the true pose of the first frame", init::truth))
@@ -99,12 +107,20 @@ impl Registry {
                 .levels(&[Pixel, Feature, Object]),
             )
             .with(
-                Method::<Estimators<SE3>>::new("square-root", "Kalman filter by orthogonal transformations", estimator::square_root)
-                    .levels(&[Pixel, Feature, Object]),
+                Method::<Estimators<SE3>>::new(
+                    "square-root",
+                    "Kalman filter by orthogonal transformations",
+                    estimator::square_root,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(
-                Method::<Estimators<SE3>>::new("information", "Kalman filter by information", estimator::information)
-                    .levels(&[Pixel, Feature, Object]),
+                Method::<Estimators<SE3>>::new(
+                    "information",
+                    "Kalman filter by information",
+                    estimator::information,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(
                 Method::<Estimators<SE3>>::new("unscented", "unscented Kalman filter", estimator::unscented)
@@ -115,8 +131,12 @@ impl Registry {
                     .levels(&[Pixel, Feature, Object]),
             )
             .with(
-                Method::<Estimators<SE3>>::new("imm", "interacting models: the motion in several strengths", estimator::models)
-                    .levels(&[Pixel, Feature, Object]),
+                Method::<Estimators<SE3>>::new(
+                    "imm",
+                    "interacting models: the motion in several strengths",
+                    estimator::models,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(Method::<Losses>::new(
                 "fused",

@@ -4,7 +4,9 @@
 use nalgebra::Vector6;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vt_core::dynamics::{Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, OrnsteinUhlenbeck};
+use vt_core::dynamics::{
+    Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, OrnsteinUhlenbeck,
+};
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
 use vt_core::time::Seconds;
