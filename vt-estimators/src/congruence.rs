@@ -23,6 +23,12 @@ where
     DefaultAllocator: AllocPair<R, C> + AllocPair<N, A> + AllocPair<R, N>,
 {
     let (rows, columns) = (p.nrows(), f.ncols());
+    #[cfg(feature = "faer")]
+    if R::is::<nalgebra::Dyn>() && rows > crate::large::LARGE {
+        let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
+        crate::large::times_transpose(p.as_slice(), f.as_slice(), [rows, columns, f.nrows()], out.as_mut_slice());
+        return out;
+    }
     let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
     let from = p.as_slice();
     for (n, into) in out.as_mut_slice().chunks_exact_mut(rows.max(1)).enumerate() {
@@ -48,6 +54,13 @@ where
 {
     let n = f.nrows();
     let dim = f.shape_generic().0;
+    #[cfg(feature = "faer")]
+    if N::is::<nalgebra::Dyn>() && n > crate::large::LARGE {
+        let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
+        crate::large::times_transpose(b.as_slice(), f.as_slice(), [n, f.ncols(), n], out.as_mut_slice());
+        mirror(&mut out);
+        return out;
+    }
     let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
     let from = b.as_slice();
     for (c, into) in out.as_mut_slice().chunks_exact_mut(n.max(1)).enumerate() {

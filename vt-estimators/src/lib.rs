@@ -8,6 +8,8 @@ pub mod gaussian_filter;
 pub mod imm;
 pub mod information;
 pub mod kalman;
+#[cfg(feature = "faer")]
+mod large;
 pub mod map;
 pub mod out_of_sequence;
 pub mod particle;
