@@ -116,6 +116,13 @@ where
     /// The state after `dt` without noise (Eq. 8).
     fn propagate(&self, state: &S, dt: Seconds) -> S;
 
+    /// [`Dynamics::propagate`] of up to [`crate::batch::LANES`] states, in place.
+    fn propagate_each(&self, states: &mut [S], dt: Seconds) {
+        for state in states {
+            *state = self.propagate(state, dt);
+        }
+    }
+
     /// `F = ∂f/∂s` at `state`, between the charts at `state` and at the propagated state (Eq. 9).
     /// By central differences unless overridden.
     fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {

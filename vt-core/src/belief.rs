@@ -2,6 +2,7 @@
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
+use crate::batch::Row;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::math;
 
@@ -191,6 +192,19 @@ where
         let block = self.pose.transport(&d.rows_generic(0, n).into_owned());
         j.generic_view_mut((0, 0), (n, n)).copy_from(&block);
         j
+    }
+
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.velocity.iter().all(|v| v.is_finite())
+    }
+
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        P::retract_each(states, |s| &mut point(s).pose, d);
+        for (k, state) in states.iter_mut().enumerate() {
+            let x = point(state);
+            let n = x.velocity.len();
+            x.velocity.iter_mut().zip(&d[n..]).for_each(|(v, row)| *v += row[k]);
+        }
     }
 
     fn blocks(&self) -> Vec<(String, usize)> {

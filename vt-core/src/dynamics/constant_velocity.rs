@@ -4,6 +4,7 @@ use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
 use super::noise::{check_density, driven_noise};
 use crate::agent::Dynamics;
+use crate::batch::with_rows;
 use crate::belief::Moving;
 use crate::error::ConfigError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
@@ -47,6 +48,16 @@ where
 {
     fn propagate(&self, state: &Moving<P>, dt: Seconds) -> Moving<P> {
         Moving { pose: state.pose.retract(&(&state.velocity * dt.0)), velocity: state.velocity.clone() }
+    }
+
+    fn propagate_each(&self, states: &mut [Moving<P>], dt: Seconds) {
+        let n = states.first().map_or(0, |s| s.velocity.len());
+        with_rows(n, |steps| {
+            for (k, state) in states.iter().enumerate() {
+                steps.iter_mut().zip(&state.velocity).for_each(|(row, v)| row[k] = v * dt.0);
+            }
+            P::retract_each(states, |s| &mut s.pose, steps);
+        });
     }
 
     fn jacobian(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {

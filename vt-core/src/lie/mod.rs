@@ -97,9 +97,10 @@ where
     }
 }
 
-/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors.
+/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors; methods for many
+/// points at once may follow.
 macro_rules! manifold_of_group {
-    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*]) => {
+    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*] $(, $($batch:tt)*)?) => {
         impl<$($generic)*> crate::manifold::Manifold for $group {
             type D = $dim;
             fn dim(&self) -> $dim {
@@ -124,6 +125,7 @@ macro_rules! manifold_of_group {
             fn blocks(&self) -> Vec<(String, usize)> {
                 vec![$(($name.to_string(), $len)),*]
             }
+            $($($batch)*)?
         }
     };
 }

@@ -8,7 +8,10 @@ use nalgebra::{
 };
 
 use super::{LieGroup, SO3, manifold_of_group, series};
+use crate::batch::Row;
 use crate::error::ConfigError;
+
+mod batch;
 
 /// A rigid motion `p ↦ R p + t`. Tangent order: translation `v` (metres), rotation `ω` (radians).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -202,4 +205,14 @@ impl<T: RealField + Copy> LieGroup<T> for SE3<T> {
     }
 }
 
-manifold_of_group!([] SE3, Const<6>, |_x| Const, [("translation", 3), ("rotation", 3)]);
+manifold_of_group!([] SE3, Const<6>, |_x| Const, [("translation", 3), ("rotation", 3)],
+    fn is_finite(&self) -> bool {
+        self.translation.iter().chain(self.rotation.coords.iter()).all(|v| v.is_finite())
+    }
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        batch::retract(states, point, d);
+    }
+    fn local_each(&self, points: &[Self], out: &mut [Row]) {
+        batch::local(self, points, out);
+    }
+);

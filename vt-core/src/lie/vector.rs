@@ -3,6 +3,7 @@
 use nalgebra::{Const, DVector, Dyn, RealField, SMatrix, SVector};
 
 use super::{LieGroup, manifold_of_group};
+use crate::batch::Row;
 use crate::manifold::{Manifold, Square, Tangent};
 
 /// `R^N`: the group of translations of itself. Tangent: the components, in their own units.
@@ -43,7 +44,16 @@ impl<const N: usize, T: RealField + Copy> LieGroup<T> for Vector<N, T> {
     }
 }
 
-manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector", N)]);
+manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector", N)],
+    fn is_finite(&self) -> bool {
+        self.0.iter().all(|v| v.is_finite())
+    }
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        for (k, state) in states.iter_mut().enumerate() {
+            point(state).0.iter_mut().zip(d).for_each(|(v, row)| *v += row[k]);
+        }
+    }
+);
 
 /// `R^n` with `n` known at run time, such as the joint angles of a skeleton. Tangent: the components.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,157 @@
+//! Many rigid motions at once, bit for bit the same as one after the other.
+//!
+//! Where all rotations of a batch are small the closed forms are polynomials without a branch, and the loops over lanes
+//! become vector instructions; elsewhere each motion is computed for itself.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector6};
+
+use super::SE3;
+use crate::batch::{LANES, Row, vectorized};
+use crate::lie::series;
+use crate::manifold::Manifold;
+
+/// Translation and quaternion `i j k w`, a row each.
+type Rows = [Row; 7];
+
+#[inline(always)]
+fn load(rows: &mut Rows, k: usize, x: &SE3) {
+    let (t, q) = (&x.translation, &x.rotation);
+    for (row, v) in rows.iter_mut().zip([t.x, t.y, t.z, q.i, q.j, q.k, q.w]) {
+        row[k] = v;
+    }
+}
+
+/// [`Manifold::retract_each`].
+pub(super) fn retract<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut SE3, d: &[Row]) {
+    let Ok(d) = <&[Row; 6]>::try_from(d.get(..6).unwrap_or_default()) else { return };
+    let n = states.len().min(LANES);
+    if !(0..n).all(|k| series::is_small_rotation([d[3][k], d[4][k], d[5][k]])) {
+        for (k, state) in states.iter_mut().enumerate() {
+            let x = point(state);
+            *x = x.retract(&Vector6::from_fn(|r, _| d[r][k]));
+        }
+        return;
+    }
+    let mut rows = [[0.0; LANES]; 7];
+    for (k, state) in states.iter_mut().enumerate() {
+        load(&mut rows, k, point(state));
+    }
+    vectorized(
+        #[inline(always)]
+        || compose_exp(&mut rows, d),
+    );
+    for (k, state) in states.iter_mut().enumerate() {
+        let [x, y, z, i, j, l, w] = core::array::from_fn(|r| rows[r][k]);
+        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, l));
+        *point(state) = SE3 { rotation, translation: Vector3::new(x, y, z) };
+    }
+}
+
+#[inline(always)]
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `x ← x · Exp(d)` for small rotations.
+#[inline(always)]
+fn compose_exp(x: &mut Rows, d: &[Row; 6]) {
+    for k in 0..LANES {
+        let [t, q] = [[x[0][k], x[1][k], x[2][k]], [x[3][k], x[4][k], x[5][k]]];
+        let (v, w) = ([d[0][k], d[1][k], d[2][k]], [d[3][k], d[4][k], d[5][k]]);
+        let (e, a, b) = series::small_rotation_exp(w);
+        let wv = cross(w, v);
+        let wwv = cross(w, wv);
+        let step: [f64; 3] = core::array::from_fn(|r| v[r] + wv[r] * a + wwv[r] * b);
+        let turned = series::rotate([q[0], q[1], q[2], x[6][k]], step);
+        let q = series::quaternion_product([q[0], q[1], q[2], x[6][k]], e);
+        for r in 0..3 {
+            x[r][k] = turned[r] + t[r];
+        }
+        for r in 0..4 {
+            x[3 + r][k] = q[r];
+        }
+    }
+}
+
+/// [`Manifold::local_each`].
+pub(super) fn local(at: &SE3, points: &[SE3], out: &mut [Row]) {
+    let Ok(out) = <&mut [Row; 6]>::try_from(out.get_mut(..6).unwrap_or_default()) else { return };
+    let mut rows = [[0.0; LANES]; 7];
+    for (k, x) in points.iter().take(LANES).enumerate() {
+        load(&mut rows, k, x);
+    }
+    for k in points.len()..LANES {
+        load(&mut rows, k, at);
+    }
+    let (q, t) = (&at.rotation, &at.translation);
+    let inverse = [-q.i, -q.j, -q.k, q.w];
+    let shift = series::rotate(inverse, [t.x, t.y, t.z]).map(|v| -v);
+    let small = vectorized(
+        #[inline(always)]
+        || log_relative(inverse, shift, &rows, out),
+    );
+    for (k, x) in points.iter().take(LANES).enumerate().filter(|_| !small) {
+        let d = at.local(x);
+        out.iter_mut().zip(&d).for_each(|(row, v)| row[k] = *v);
+    }
+    out.iter_mut().for_each(|row| row[points.len()..].fill(0.0));
+}
+
+/// `Log(a · x)` with the rotation and translation of `a`; false where a rotation is not small and the result void.
+#[inline(always)]
+fn log_relative(rotation: [f64; 4], translation: [f64; 3], x: &Rows, out: &mut [Row; 6]) -> bool {
+    let mut small = [true; LANES];
+    for k in 0..LANES {
+        let moved = series::rotate(rotation, [x[0][k], x[1][k], x[2][k]]);
+        let t: [f64; 3] = core::array::from_fn(|r| moved[r] + translation[r]);
+        let q = series::quaternion_product(rotation, [x[3][k], x[4][k], x[5][k], x[6][k]]);
+        let (w, near) = series::small_rotation_log(q);
+        small[k] = near;
+        let wt = cross(w, t);
+        let wwt = cross(w, wt);
+        let e = series::small_inverse_coefficient(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+        for r in 0..3 {
+            out[r][k] = t[r] - wt[r] * 0.5 + wwt[r] * e;
+            out[3 + r][k] = w[r];
+        }
+    }
+    small.iter().all(|s| *s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lie::LieGroup;
+    use crate::random::{Random, Stream};
+
+    /// Small and large rotations, full and partial batches.
+    #[test]
+    fn batches_are_the_single_motions_bit_for_bit() {
+        let mut random = Random::new(5, Stream::Sim, 0, 0, 0);
+        for (count, angle) in [(LANES, 0.03), (LANES, 0.5), (17, 0.05), (1, 3.0), (40, 2.0), (0, 1.0)] {
+            let mut motion = |scale: f64| {
+                let mut tangent = || Vector6::from_fn(|r, _| random.normal() * if r < 3 { 1.0 } else { scale });
+                (SE3::exp(&tangent()), tangent())
+            };
+            let (at, _) = motion(1.0);
+            let steps: Vec<Vector6<f64>> = (0..count).map(|_| motion(angle).1).collect();
+            let near: Vec<SE3> = steps.iter().map(|d| at.retract(d)).collect();
+            let mut rows = [[f64::NAN; LANES]; 6];
+            for (k, d) in steps.iter().enumerate() {
+                rows.iter_mut().zip(d).for_each(|(row, v)| row[k] = *v);
+            }
+            let mut moved = vec![at; count];
+            SE3::retract_each(&mut moved, |x| x, &rows);
+            let bits = |x: &SE3| [x.translation.as_slice(), x.rotation.coords.as_slice()].concat();
+            for (a, b) in moved.iter().zip(&near) {
+                assert_eq!(bits(a), bits(b));
+            }
+            at.local_each(&near, &mut rows);
+            for (k, x) in near.iter().enumerate() {
+                let d = at.local(x);
+                assert!((0..6).all(|r| rows[r][k] == d[r]), "{k} of {count}: {d}");
+            }
+            assert!(rows.iter().all(|row| row[count..].iter().all(|v| *v == 0.0)));
+        }
+    }
+}
