@@ -149,6 +149,9 @@ where
     fn propagate(&self, state: &S, dt: Seconds) -> S {
         self.0.propagate(state, dt)
     }
+    fn propagate_each(&self, states: &mut [S], dt: Seconds) {
+        self.0.propagate_each(states, dt);
+    }
     fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {
         self.0.jacobian(state, dt)
     }
