@@ -195,7 +195,7 @@ where
     }
 
     fn is_finite(&self) -> bool {
-        self.pose.is_finite() && self.velocity.iter().all(|v| v.is_finite())
+        self.pose.is_finite() && self.velocity.iter().fold(0.0, |sum, v| sum + v * 0.0) == 0.0
     }
 
     fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {

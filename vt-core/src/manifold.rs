@@ -114,6 +114,13 @@ where
         out.iter_mut().for_each(|row| row[points.len()..].fill(0.0));
     }
 
+    /// A point near the mean of points with these weights, from which to start iterations: by default the heaviest one.
+    /// `None` without points.
+    fn centre(points: &[Self], weights: &[f64]) -> Option<Self> {
+        let (heaviest, _) = weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        points.get(heaviest).cloned()
+    }
+
     /// Weighted mean of points on the manifold (Karcher): the point at which the weighted tangent vectors to all
     /// points vanish. Weights need not be normalised; `None` when no weight is positive or a point is not finite.
     fn mean(points: &[Self], weights: &[f64]) -> Option<Self> {

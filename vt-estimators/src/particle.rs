@@ -13,7 +13,6 @@
 use core::cell::OnceCell;
 
 use nalgebra::DefaultAllocator;
-use rayon::prelude::*;
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::batch::{LANES, with_rows};
 use vt_core::belief::{Gaussian, State};
@@ -230,27 +229,18 @@ where
         true
     }
 
-    /// Jitter of particles that were drawn again.
-    fn roughen(&mut self, frame: u64) {
-        let states = &mut self.next.states;
-        let Some(at) = states.first().cloned() else { return };
-        let (n, d) = (states.len(), at.zero().len());
-        let factor = self.params.roughening * vt_core::math::pow(n as f64, -1.0 / d as f64);
+    /// Deviations of the jitter of the chosen particles.
+    fn jitter(&self) -> Option<Tangent<S>> {
+        let mut states = self.chosen.iter().map(|&k| &self.cloud.states[k]);
+        let at = states.next().filter(|_| self.params.roughening > 0.0)?;
         let (mut low, mut high) = (at.zero(), at.zero());
-        for state in states.iter() {
+        for state in states {
             let offset = at.local(state);
             low = low.inf(&offset);
             high = high.sup(&offset);
         }
-        let sigmas = (high - low) * factor;
-        let source = Source::new(self.params.seed, Stream::Roughen, self.params.target);
-        states.par_chunks_mut(LANES).enumerate().for_each(|(chunk, states)| {
-            with_rows(d, |rows| {
-                source.normal_rows(frame, (chunk * LANES) as u32, rows);
-                rows.iter_mut().zip(&sigmas).for_each(|(row, s)| row.iter_mut().for_each(|v| *v *= s));
-                S::retract_each(states, |s| s, rows);
-            });
-        });
+        let spacing = vt_core::math::pow(self.chosen.len() as f64, -1.0 / low.len() as f64);
+        Some((high - low) * (self.params.roughening * spacing))
     }
 
     /// Takes over the cloud `next` with its new weights.
@@ -289,15 +279,27 @@ where
         let redrawn = self.choose(frame);
         let heaviest = self.cloud.heaviest().ok_or(EstimateError::NoParticles)?;
         self.next_diffusion.prepare(&self.dynamics, heaviest, dt, &self.diffusion)?;
-        self.next.choose(&self.cloud, &self.chosen, redrawn);
-        if redrawn && self.params.roughening > 0.0 {
-            self.roughen(frame);
+        let jitter = if redrawn { self.jitter() } else { None };
+        let p = &self.params;
+        let [source, roughen] = [Stream::Predict, Stream::Roughen].map(|s| Source::new(p.seed, s, p.target));
+        let (dynamics, from, chosen) = (&self.dynamics, &self.cloud.states, &self.chosen);
+        let place = |chunk: usize, states: &mut [S]| {
+            states.iter_mut().zip(&chosen[chunk * LANES..]).for_each(|(s, &k)| s.clone_from(&from[k]));
+            if let Some(jitter) = &jitter {
+                with_rows(jitter.len(), |rows| {
+                    roughen.normal_rows(frame, (chunk * LANES) as u32, rows);
+                    rows.iter_mut().zip(jitter).for_each(|(row, s)| row.iter_mut().for_each(|v| *v *= s));
+                    S::retract_each(states, |s| s, rows);
+                });
+            }
+            dynamics.propagate_each(states, dt);
+        };
+        let (count, keep) = (chosen.len(), self.keeps_paths());
+        self.next.scatter((count, heaviest), place, &self.next_diffusion, (&source, frame), keep)?;
+        if !redrawn {
+            self.next.weights.clone_from(&self.cloud.weights);
+            self.next.logs.clone_from(&self.cloud.logs);
         }
-        let dynamics = &self.dynamics;
-        self.next.states.par_chunks_mut(LANES).for_each(|states| dynamics.propagate_each(states, dt));
-        let source = Source::new(self.params.seed, Stream::Predict, self.params.target);
-        let keep = self.keeps_paths();
-        self.next.scatter(&self.next_diffusion, &source, frame, keep)?;
         core::mem::swap(&mut self.diffusion, &mut self.next_diffusion);
         self.commit();
         self.frame = frame;
@@ -325,10 +327,10 @@ where
         let state: Gaussian<S> = at_rest(prior, &self.rest)?;
         let resets = self.resets + 1;
         self.next_diffusion.spread(&state.covariance);
-        self.next.fill(&state.mean, self.params.count);
         let source = Source::new(self.params.seed, Stream::Reinit, self.params.target);
-        let keep = self.keeps_paths();
-        self.next.scatter(&self.next_diffusion, &source, resets, keep)?;
+        let (count, keep) = (self.params.count, self.keeps_paths());
+        let place = |_: usize, states: &mut [S]| states.fill(state.mean.clone());
+        self.next.scatter((count, &state.mean), place, &self.next_diffusion, (&source, resets), keep)?;
         core::mem::swap(&mut self.diffusion, &mut self.next_diffusion);
         self.commit();
         self.resets = resets;

@@ -5,7 +5,7 @@
 //! - A step of 1,000 particles with 4 states, bearing and range, systematic resampling every time, beside Stone Soup's
 //!   (`particle_4_2_1000` of its `estimator_peers.py`).
 //!
-//! A step is prediction, correction, and the mean and covariance of the pose after both.
+//! A step is resampling, prediction, correction, and the mean and covariance of the pose.
 //!
 //! usage: `particles_vs_peers [PYTHON ESTIMATOR_PEERS.PY]`
 
@@ -68,7 +68,6 @@ where
     let begin = Instant::now();
     for _ in 0..n {
         filter.predict(Seconds(dt))?;
-        std::hint::black_box(filter.pose());
         filter.correct(z)?;
         std::hint::black_box(filter.pose());
     }

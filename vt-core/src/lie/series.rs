@@ -103,7 +103,7 @@ fn rotation_from<T: RealField + Copy>(w: [T; 3], y: T, [c0, c1, c2, c3]: [T; 4])
 }
 
 /// Squared tangent of half a rotation angle up to which [`arc_tangent_quotient`] is exact: 0.2 radians.
-const SMALL_TANGENT: f64 = 0.01;
+pub(super) const SMALL_TANGENT: f64 = 0.01;
 
 /// `atan(√t) / √t` for `t` up to [`SMALL_TANGENT`].
 #[inline(always)]
@@ -201,15 +201,15 @@ pub(super) fn rotate([i, j, k, w]: [f64; 4], x: [f64; 3]) -> [f64; 3] {
     [t[0] * w + c[0] + x[0], t[1] * w + c[1] + x[1], t[2] * w + c[2] + x[2]]
 }
 
-/// [`rotation_log`] of a small rotation `i j k w` without a branch; false where the angle is above 0.2 and the result
-/// void.
+/// [`rotation_log`] of a small rotation `i j k w` without a branch, and the squared tangent of half its angle: from
+/// [`SMALL_TANGENT`] on the result is void.
 #[inline(always)]
-pub(super) fn small_rotation_log([i, j, k, w]: [f64; 4]) -> ([f64; 3], bool) {
+pub(super) fn small_rotation_log([i, j, k, w]: [f64; 4]) -> ([f64; 3], f64) {
     let sign = if w < 0.0 { -1.0 } else { 1.0 };
     let (w, v) = (w * sign, [i * sign, j * sign, k * sign]);
     let t = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / (w * w);
     let s = 2.0 * arc_tangent_quotient(t) / w;
-    (v.map(|v| v * s), t < SMALL_TANGENT)
+    (v.map(|v| v * s), t)
 }
 
 /// [`inverse_coefficient`] for rotation vectors below two radians, without a branch.

@@ -53,6 +53,22 @@ manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector",
             point(state).0.iter_mut().zip(d).for_each(|(v, row)| *v += row[k]);
         }
     }
+    fn local_each(&self, points: &[Self], out: &mut [Row]) {
+        for (k, point) in points.iter().enumerate() {
+            for r in 0..N {
+                out[r][k] = point.0[r] - self.0[r];
+            }
+        }
+        out.iter_mut().for_each(|row| row[points.len()..].fill(0.0));
+    }
+    fn centre(points: &[Self], weights: &[f64]) -> Option<Self> {
+        let (mut sum, mut total) = (SVector::<f64, N>::zeros(), 0.0);
+        for (point, w) in points.iter().zip(weights) {
+            sum.axpy(*w, &point.0, 1.0);
+            total += w;
+        }
+        (total > 0.0).then(|| Self(sum / total))
+    }
 );
 
 /// `R^n` with `n` known at run time, such as the joint angles of a skeleton. Tangent: the components.

@@ -54,13 +54,6 @@ where
         self.states.get(heaviest)
     }
 
-    /// `count` particles of equal weight at `state`.
-    pub fn fill(&mut self, state: &S, count: usize) {
-        self.states.clear();
-        self.states.resize(count, state.clone());
-        self.equal_weights(count);
-    }
-
     pub fn equal_weights(&mut self, count: usize) {
         let w = 1.0 / count as f64;
         self.weights.clear();
@@ -69,49 +62,45 @@ where
         self.logs.resize(count, math::ln(w));
     }
 
-    /// The `chosen` particles of `from`: with its weights, or where `redrawn` with equal ones.
-    pub fn choose(&mut self, from: &Self, chosen: &[usize], redrawn: bool) {
-        if redrawn {
-            self.equal_weights(chosen.len());
-        } else {
-            self.weights.clone_from(&from.weights);
-            self.logs.clone_from(&from.logs);
-        }
-        self.states.clear();
-        self.states.extend(chosen.iter().map(|&k| from.states[k].clone()));
-    }
-
-    /// Moves the particles by new noise, remembering paths where `keep` says so.
+    /// Makes `count` particles, of equal weight: `place` says where those of a chunk would be without noise, then new noise
+    /// moves them. Paths are remembered where `keep` says so. `any` is any state.
     pub fn scatter(
         &mut self,
+        (count, any): (usize, &S),
+        place: impl Fn(usize, &mut [S]) + Sync,
         diffusion: &Diffusion<S>,
-        source: &Source,
-        frame: u64,
+        (source, frame): (&Source, u64),
         keep: bool,
     ) -> Result<(), EstimateError> {
+        self.equal_weights(count);
+        self.states.resize(count, any.clone());
+        self.poses.resize(count, any.pose().clone());
         let columns = diffusion.columns();
-        let draw = |chunk: usize, normals: &mut [Row], states: &mut [S]| {
+        let draw = |chunk: usize, states: &mut [S], poses: &mut [P], normals: &mut [Row]| {
             source.normal_rows(frame, (chunk * LANES) as u32, normals);
             diffusion.apply(normals, columns, states);
+            poses.iter_mut().zip(states.iter()).for_each(|(pose, s)| pose.clone_from(s.pose()));
             states.iter().all(S::is_finite)
         };
+        let both = self.states.par_chunks_mut(LANES).zip(self.poses.par_chunks_mut(LANES)).enumerate();
         let finite = if keep {
-            self.ahead.clone_from(&self.states);
-            let states = self.states.par_chunks_mut(LANES).enumerate();
-            self.noise.resize(states.len() * columns, [0.0; LANES]);
-            let noise = self.noise.par_chunks_mut(columns.max(1));
-            states.zip(noise).map(|((k, states), normals)| draw(k, normals, states)).reduce(|| true, |a, b| a & b)
+            self.ahead.resize(count, any.clone());
+            self.noise.resize(both.len() * columns, [0.0; LANES]);
+            let paths = self.ahead.par_chunks_mut(LANES).zip(self.noise.par_chunks_mut(columns.max(1)));
+            let moved = both.zip(paths).map(|((k, (states, poses)), (ahead, normals))| {
+                place(k, ahead);
+                states.clone_from_slice(ahead);
+                draw(k, states, poses, normals)
+            });
+            moved.reduce(|| true, |a, b| a & b)
         } else {
-            let states = self.states.par_chunks_mut(LANES).enumerate();
-            states
-                .map(|(k, states)| with_rows(columns, |normals| draw(k, normals, states)))
-                .reduce(|| true, |a, b| a & b)
+            let moved = both.map(|(k, (states, poses))| {
+                place(k, states);
+                with_rows(columns, |normals| draw(k, states, poses, normals))
+            });
+            moved.reduce(|| true, |a, b| a & b)
         };
-        if !finite {
-            return Err(EstimateError::NotFinite("a predicted particle"));
-        }
-        self.set_poses();
-        Ok(())
+        if finite { Ok(()) } else { Err(EstimateError::NotFinite("a predicted particle")) }
     }
 
     fn set_poses(&mut self) {

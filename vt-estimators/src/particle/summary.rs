@@ -2,7 +2,7 @@
 
 use nalgebra::{DefaultAllocator, U1};
 use vt_core::batch::{LANES, Row, dot, vectorized, with_rows};
-use vt_core::belief::{Gaussian, symmetrize};
+use vt_core::belief::Gaussian;
 use vt_core::dynamics::semidefinite_root;
 use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
 use vt_core::math;
@@ -67,35 +67,35 @@ where
     }
 }
 
+/// Part of the deviations up to which the mean is exact; chance leaves `1 / √N`.
+const EXACT: f64 = 1e-6;
+
 /// Manifold mean and covariance of the poses, at least one of them with a weight.
 ///
-/// Karcher's iteration from the heaviest pose: each step leaves an error that is smaller by the square of the spread, and
-/// it ends where the next one would be below 1e-8 of the deviations. The covariance is that about the mean.
+/// Karcher's iteration. A step leaves an error that is smaller than the step at least as the step is smaller than the
+/// deviations (or the step before); it ends where that is negligible. The covariance is that about the mean, in a chart
+/// that is the last step away: with a relative error of about that step in radians.
 pub(super) fn gaussian<P: Manifold>(poses: &[P], weights: &[f64]) -> Gaussian<P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    let (heaviest, _) = weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap_or((0, &0.0));
-    let mut mean = poses[heaviest].clone();
+    let mut mean = P::centre(poses, weights).unwrap_or_else(|| poses[0].clone());
     let mut last = f64::INFINITY;
-    let mut rounds = 0;
-    loop {
+    for round in 1.. {
         let sum = moments(&mean, poses, weights);
         let step = sum.first / sum.weight;
         let mut covariance = sum.second / sum.weight;
         covariance.ger(-1.0, &step, &step, 1.0);
         covariance.fill_upper_triangle_with_lower_triangle();
-        let spread = covariance.trace().max(0.0).sqrt();
-        let length = step.norm();
+        let (length, spread) = (step.norm(), covariance.trace().max(0.0).sqrt());
         mean = mean.retract(&step);
-        rounds += 1;
-        let remaining = length * (length / last).min(1.0);
-        if remaining <= 1e-8 * spread || length < 1e-14 || !length.is_finite() || rounds == 50 {
-            symmetrize(&mut covariance);
+        let remaining = length * (length / last.min(spread)).min(1.0);
+        if remaining <= EXACT * spread || length < 1e-14 || !length.is_finite() || round == 50 {
             return Gaussian { mean, covariance };
         }
         last = length;
     }
+    Gaussian { covariance: Square::<P>::zeros_generic(mean.dim(), mean.dim()), mean }
 }
 
 /// Particles that are tried as starts.
@@ -158,4 +158,44 @@ where
     let best = rough.reduce(|a, b| if b.0 > a.0 { b } else { a });
     let best = best.map_or_else(|| belief.mean.clone(), |(_, at)| at);
     shift(&best, 100)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector6;
+    use vt_core::lie::{LieGroup, SE2, SE3};
+    use vt_core::random::{Random, Stream};
+
+    /// Mean and covariance against Karcher's iteration to the end and the sum of squares about it.
+    fn check<P: Manifold>(at: &P, scale: f64, random: &mut Random)
+    where
+        DefaultAllocator: Alloc<P::D>,
+    {
+        for n in [1, 2, 63, 200, 1000] {
+            let mut offset = || at.zero().map(|_: f64| scale * random.normal());
+            let poses: Vec<P> = (0..n).map(|_| at.retract(&offset())).collect();
+            let weights: Vec<f64> = (0..n).map(|_| 0.1 + random.uniform()).collect();
+            let found = gaussian(&poses, &weights);
+            let mean = P::mean(&poses, &weights).expect("points");
+            let total: f64 = weights.iter().sum();
+            let mut covariance = found.covariance.clone() * 0.0;
+            for (pose, w) in poses.iter().zip(&weights) {
+                let d = mean.local(pose);
+                covariance.ger(w / total, &d, &d, 1.0);
+            }
+            assert!(mean.local(&found.mean).norm() <= 1e-5 * scale, "{n} at {scale}");
+            assert!((covariance - &found.covariance).amax() <= 1e-3 * scale * scale, "{n} at {scale}");
+        }
+    }
+
+    #[test]
+    fn mean_and_covariance_are_those_of_the_definition() {
+        let random = &mut Random::new(8, Stream::Sim, 0, 0, 0);
+        for scale in [1e-6, 0.01, 0.1, 0.4] {
+            check(&SE3::exp(&Vector6::new(1.0, -2.0, 0.5, 2.0, -0.5, 0.3)), scale, random);
+            check(&SE2::new(1.0, -2.0, 3.1), scale, random);
+            check(&vt_core::lie::Vector(Vector6::repeat(2.0)), scale, random);
+        }
+    }
 }

@@ -6,7 +6,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use super::SE3;
-use crate::batch::{LANES, Row, vectorized};
+use crate::batch::{LANES, Row, vectorized, with_rows};
 use crate::lie::series;
 use crate::manifold::Manifold;
 
@@ -32,19 +32,29 @@ pub(super) fn retract<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut SE3, d
         }
         return;
     }
-    let mut rows = [[0.0; LANES]; 7];
-    for (k, state) in states.iter_mut().enumerate() {
-        load(&mut rows, k, point(state));
-    }
-    vectorized(
-        #[inline(always)]
-        || compose_exp(&mut rows, d),
-    );
-    for (k, state) in states.iter_mut().enumerate() {
-        let [x, y, z, i, j, l, w] = core::array::from_fn(|r| rows[r][k]);
-        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, l));
-        *point(state) = SE3 { rotation, translation: Vector3::new(x, y, z) };
-    }
+    with_coordinates(|rows| {
+        for (k, state) in states.iter_mut().enumerate() {
+            load(rows, k, point(state));
+        }
+        vectorized(
+            #[inline(always)]
+            || compose_exp(rows, d),
+        );
+        for (k, state) in states.iter_mut().enumerate() {
+            let [x, y, z, i, j, l, w] = core::array::from_fn(|r| rows[r][k]);
+            let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, l));
+            *point(state) = SE3 { rotation, translation: Vector3::new(x, y, z) };
+        }
+    });
+}
+
+/// Rows with any content.
+fn with_coordinates(use_them: impl FnOnce(&mut Rows)) {
+    with_rows(7, |rows| {
+        if let Ok(rows) = <&mut Rows>::try_from(rows) {
+            use_them(rows);
+        }
+    });
 }
 
 #[inline(always)]
@@ -76,20 +86,22 @@ fn compose_exp(x: &mut Rows, d: &[Row; 6]) {
 /// [`Manifold::local_each`].
 pub(super) fn local(at: &SE3, points: &[SE3], out: &mut [Row]) {
     let Ok(out) = <&mut [Row; 6]>::try_from(out.get_mut(..6).unwrap_or_default()) else { return };
-    let mut rows = [[0.0; LANES]; 7];
-    for (k, x) in points.iter().take(LANES).enumerate() {
-        load(&mut rows, k, x);
-    }
-    for k in points.len()..LANES {
-        load(&mut rows, k, at);
-    }
     let (q, t) = (&at.rotation, &at.translation);
     let inverse = [-q.i, -q.j, -q.k, q.w];
     let shift = series::rotate(inverse, [t.x, t.y, t.z]).map(|v| -v);
-    let small = vectorized(
-        #[inline(always)]
-        || log_relative(inverse, shift, &rows, out),
-    );
+    let mut small = false;
+    with_coordinates(|rows| {
+        for (k, x) in points.iter().take(LANES).enumerate() {
+            load(rows, k, x);
+        }
+        for k in points.len()..LANES {
+            load(rows, k, at);
+        }
+        small = vectorized(
+            #[inline(always)]
+            || log_relative(inverse, shift, rows, out),
+        );
+    });
     for (k, x) in points.iter().take(LANES).enumerate().filter(|_| !small) {
         let d = at.local(x);
         out.iter_mut().zip(&d).for_each(|(row, v)| row[k] = *v);
@@ -100,13 +112,13 @@ pub(super) fn local(at: &SE3, points: &[SE3], out: &mut [Row]) {
 /// `Log(a · x)` with the rotation and translation of `a`; false where a rotation is not small and the result void.
 #[inline(always)]
 fn log_relative(rotation: [f64; 4], translation: [f64; 3], x: &Rows, out: &mut [Row; 6]) -> bool {
-    let mut small = [true; LANES];
+    let mut tangents = [0.0; LANES];
     for k in 0..LANES {
         let moved = series::rotate(rotation, [x[0][k], x[1][k], x[2][k]]);
         let t: [f64; 3] = core::array::from_fn(|r| moved[r] + translation[r]);
         let q = series::quaternion_product(rotation, [x[3][k], x[4][k], x[5][k], x[6][k]]);
-        let (w, near) = series::small_rotation_log(q);
-        small[k] = near;
+        let (w, tangent) = series::small_rotation_log(q);
+        tangents[k] = tangent;
         let wt = cross(w, t);
         let wwt = cross(w, wt);
         let e = series::small_inverse_coefficient(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
@@ -115,7 +127,20 @@ fn log_relative(rotation: [f64; 4], translation: [f64; 3], x: &Rows, out: &mut [
             out[3 + r][k] = w[r];
         }
     }
-    small.iter().all(|s| *s)
+    tangents.iter().all(|t| *t < series::SMALL_TANGENT)
+}
+
+/// [`Manifold::centre`]: means of positions and of quaternions on the side of the first.
+pub(super) fn centre(points: &[SE3], weights: &[f64]) -> Option<SE3> {
+    let first = points.first()?.rotation.coords;
+    let (mut t, mut q, mut total) = (Vector3::zeros(), first * 0.0, 0.0);
+    for (x, w) in points.iter().zip(weights) {
+        t += x.translation * *w;
+        q += x.rotation.coords * w.copysign(x.rotation.coords.dot(&first));
+        total += w;
+    }
+    let rotation = UnitQuaternion::try_new(Quaternion::from(q), 1e-3 * total)?;
+    Some(SE3 { rotation, translation: t / total })
 }
 
 #[cfg(test)]
@@ -123,6 +148,22 @@ mod tests {
     use super::*;
     use crate::lie::LieGroup;
     use crate::random::{Random, Stream};
+
+    #[test]
+    fn the_centre_is_near_the_mean() {
+        let mut random = Random::new(6, Stream::Sim, 0, 0, 0);
+        for scale in [0.01, 0.3] {
+            let at = SE3::exp(&Vector6::from_fn(|_, _| random.normal()));
+            let points: Vec<_> =
+                (0..50).map(|_| at.retract(&Vector6::from_fn(|_, _| scale * random.normal()))).collect();
+            let weights: Vec<_> = (0..50).map(|_| random.uniform()).collect();
+            let (centre, mean) = (SE3::centre(&points, &weights), SE3::mean(&points, &weights));
+            let off = centre.expect("points").local(&mean.expect("points")).norm();
+            assert!(off < 2.0 * scale * scale, "{off} at {scale}");
+        }
+        assert_eq!(SE3::centre(&[], &[]), None);
+        assert_eq!(SE3::centre(&[SE3::identity()], &[0.0]), None);
+    }
 
     /// Small and large rotations, full and partial batches.
     #[test]
