@@ -44,7 +44,23 @@ pub fn dot(a: &Row, b: &Row) -> f64 {
             sums[l] += a[l] * b[l];
         }
     }
-    let [a, b, c, d, e, f, g, h] = sums;
+    fold(sums)
+}
+
+/// `Σ a_k`, in the same order.
+#[inline(always)]
+pub fn total(a: &Row) -> f64 {
+    let mut sums = [0.0; 8];
+    for a in a.chunks_exact(8) {
+        for l in 0..8 {
+            sums[l] += a[l];
+        }
+    }
+    fold(sums)
+}
+
+#[inline(always)]
+fn fold([a, b, c, d, e, f, g, h]: [f64; 8]) -> f64 {
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
@@ -68,7 +84,7 @@ mod tests {
         let a: Row = core::array::from_fn(|k| k as f64);
         let b: Row = core::array::from_fn(|k| 1.0 + (k % 3) as f64);
         let expected: f64 = (0..LANES).map(|k| a[k] * b[k]).sum();
-        assert_eq!(dot(&a, &b), expected);
+        assert_eq!((dot(&a, &b), total(&a)), (expected, a.iter().sum()));
         assert_eq!(vectorized(#[inline(always)] || dot(&a, &b)), expected);
     }
 }

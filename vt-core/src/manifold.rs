@@ -94,17 +94,20 @@ where
     }
 
     /// `x_k ← x_k ⊞ d_k` for the points inside up to [`crate::batch::LANES`] states; row `r` of `d` holds coordinate `r` of
-    /// all tangent vectors. Spaces on which many hypotheses move override it by vector instructions, bit for bit the
-    /// same as [`Manifold::retract`].
+    /// all tangent vectors. Where `d` has rows for several vectors, `x_k ⊞ d_k ⊞ d'_k …`. Spaces on which many hypotheses
+    /// move override it by vector instructions, bit for bit the same as [`Manifold::retract`].
     fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
         for (k, state) in states.iter_mut().enumerate() {
             let x = point(state);
-            let step = OVector::from_fn_generic(x.dim(), U1, |r, _| d[r][k]);
-            *x = x.retract(&step);
+            let n = x.dim();
+            for d in d.chunks_exact(n.value().max(1)) {
+                let step = OVector::from_fn_generic(n, U1, |r, _| d[r][k]);
+                *x = x.retract(&step);
+            }
         }
     }
 
-    /// [`Manifold::local`] of up to [`crate::batch::LANES`] points: row `r` of `out` gets coordinate `r` of all tangent
+    /// [`Manifold::local`], to rounding, of up to [`crate::batch::LANES`] points: row `r` of `out` gets coordinate `r` of all tangent
     /// vectors, and zero beyond the points.
     fn local_each(&self, points: &[Self], out: &mut [Row]) {
         for (k, point) in points.iter().enumerate() {

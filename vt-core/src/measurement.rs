@@ -31,10 +31,10 @@ where
     /// `ln P(z|p)` up to a constant for a batch of hypotheses; `out` has the length of `poses`.
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]);
 
-    /// `ln g(p)` of poses of which the first `placed` tangent coordinates are drawn and the others only predicted, for
+    /// `ln g(p)` of poses of which the tangent coordinates `placed` are drawn and the others only predicted, for
     /// estimators that place articulated bodies part after part. Any positive function is right; the better it is
     /// proportional to `P(z|p)` over all values of the others, the fewer hypotheses are lost.
-    fn importances(&self, poses: &[P], placed: usize, out: &mut [f64]) {
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
         let _ = placed;
         self.log_likelihoods(poses, out);
     }

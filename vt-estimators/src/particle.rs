@@ -14,7 +14,7 @@ use core::cell::OnceCell;
 
 use nalgebra::DefaultAllocator;
 use vt_core::agent::{Dynamics, Estimator};
-use vt_core::batch::{LANES, with_rows};
+use vt_core::batch::{LANES, Row, with_rows};
 use vt_core::belief::{Gaussian, State};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
@@ -54,9 +54,10 @@ pub enum Method {
     Annealed(Annealing),
     /// Coordinates are placed in parts, the root of an articulated body first, each by weighted resampling with
     /// [`Measurement::importances`] (J. MacCormick, M. Isard, "Partitioned sampling, articulated objects, and
-    /// interface-quality hand tracking", 2000). The numbers are the lengths of the parts in the tangent order of the
-    /// pose; derivatives go with their coordinates. One evaluation a particle and part.
-    Partitioned(Vec<usize>),
+    /// interface-quality hand tracking", 2000). Each part lists coordinates of the pose's tangent space; derivatives go
+    /// with their coordinates. On SE(3), rotations come first: they change what translations mean. One evaluation a
+    /// particle and part.
+    Partitioned(Vec<Vec<usize>>),
 }
 
 /// Parameters of a [`ParticleFilter`].
@@ -142,8 +143,8 @@ where
     /// A filter with particles drawn from `prior`; `rest` holds the a-priori deviations of the derivatives.
     ///
     /// # Errors
-    /// [`EstimateError::NoParticles`]; [`EstimateError::Dimension`] when the parts of [`Method::Partitioned`] or the bins
-    /// of [`Adaptive`] are not those of the pose; when the prior is not finite, not positive semi-definite, or of another
+    /// [`EstimateError::NoParticles`]; [`EstimateError::Dimension`] when the parts of [`Method::Partitioned`] do not name
+    /// each coordinate of the pose once or the bins of [`Adaptive`] are not those of the pose; when the prior is not finite, not positive semi-definite, or of another
     /// dimension than its deviations.
     pub fn new(
         prior: &Gaussian<P>,
@@ -159,9 +160,12 @@ where
             Method::Partitioned(parts) => parts.as_slice(),
             _ => &[],
         };
-        let (found, what) = (parts.iter().sum(), "the list of parts");
-        if !parts.is_empty() && found != expected {
-            return Err(EstimateError::Dimension { what, found, expected });
+        let mut listed: Vec<usize> = parts.iter().flatten().copied().collect();
+        listed.sort_unstable();
+        if !(parts.is_empty() || listed.iter().copied().eq(0..expected)) {
+            listed.dedup();
+            let found = listed.iter().filter(|k| **k < expected).count();
+            return Err(EstimateError::Dimension { what: "the list of parts", found, expected });
         }
         if let Some(found) = params.adaptive.as_ref().map(|a| a.widths.len()).filter(|n| *n != expected) {
             return Err(EstimateError::Dimension { what: "the list of bin widths", found, expected });
@@ -292,10 +296,13 @@ where
                     S::retract_each(states, |s| s, rows);
                 });
             }
-            dynamics.propagate_each(states, dt);
+        };
+        let go = |states: &mut [S], noise: Option<&[Row]>| match noise {
+            Some(noise) => dynamics.disturb_each(states, dt, noise),
+            None => dynamics.propagate_each(states, dt),
         };
         let (count, keep) = (chosen.len(), self.keeps_paths());
-        self.next.scatter((count, heaviest), place, &self.next_diffusion, (&source, frame), keep)?;
+        self.next.scatter((count, heaviest), place, go, &self.next_diffusion, (&source, frame), keep)?;
         if !redrawn {
             self.next.weights.clone_from(&self.cloud.weights);
             self.next.logs.clone_from(&self.cloud.logs);
@@ -330,7 +337,8 @@ where
         let source = Source::new(self.params.seed, Stream::Reinit, self.params.target);
         let (count, keep) = (self.params.count, self.keeps_paths());
         let place = |_: usize, states: &mut [S]| states.fill(state.mean.clone());
-        self.next.scatter((count, &state.mean), place, &self.next_diffusion, (&source, resets), keep)?;
+        let go = |states: &mut [S], noise: Option<&[Row]>| S::retract_each(states, |s| s, noise.unwrap_or_default());
+        self.next.scatter((count, &state.mean), place, go, &self.next_diffusion, (&source, resets), keep)?;
         core::mem::swap(&mut self.diffusion, &mut self.next_diffusion);
         self.commit();
         self.resets = resets;

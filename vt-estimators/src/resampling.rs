@@ -37,11 +37,8 @@ impl Resampling {
         out.clear();
         let n = count as f64;
         match self {
-            Self::Deterministic => pick(weights.iter().copied(), (0..count).map(|k| (k as f64 + 0.5) / n), out),
-            Self::Systematic => {
-                let offset = random.uniform();
-                pick(weights.iter().copied(), (0..count).map(|k| (k as f64 + offset) / n), out);
-            }
+            Self::Deterministic => comb(weights, count, 0.5, out),
+            Self::Systematic => comb(weights, count, random.uniform(), out),
             Self::Stratified => {
                 pick(weights.iter().copied(), (0..count).map(|k| (k as f64 + random.uniform()) / n), out);
             }
@@ -59,6 +56,24 @@ impl Resampling {
             }
         }
     }
+}
+
+/// Appends the indices in whose shares of the sum of weights the points `(k + offset) / count` lie.
+fn comb(weights: &[f64], count: usize, offset: f64, out: &mut Vec<usize>) {
+    let (mut sum, mut last) = (0.0, 0);
+    for (index, w) in weights.iter().enumerate() {
+        sum += w;
+        // Number of points below the sum.
+        let end = ((sum * count as f64 + (1.0 - offset)) as usize).min(count);
+        if end > out.len() {
+            out.resize(end, index);
+        }
+        if *w > 0.0 {
+            last = index;
+        }
+    }
+    // What rounding of the sum leaves over.
+    out.resize(count, last);
 }
 
 /// Appends, for each of the ascending `points` in `[0, 1]`, the index in whose share of the sum of weights it lies.

@@ -40,7 +40,7 @@ where
         self.sum(poses, out, |z, poses, out| z.log_likelihoods(poses, out));
     }
 
-    fn importances(&self, poses: &[P], placed: usize, out: &mut [f64]) {
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
         self.sum(poses, out, |z, poses, out| z.importances(poses, placed, out));
     }
 

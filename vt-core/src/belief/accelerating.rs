@@ -83,12 +83,13 @@ where
     }
 
     fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
-        P::retract_each(states, |s| &mut point(s).pose, d);
-        for (k, state) in states.iter_mut().enumerate() {
-            let x = point(state);
-            let n = x.velocity.len();
-            let rates = x.velocity.iter_mut().chain(&mut x.acceleration);
-            rates.zip(&d[n..]).for_each(|(v, row)| *v += row[k]);
+        let n = states.first_mut().map_or(1, |s| point(s).velocity.len().max(1));
+        for d in d.chunks_exact(3 * n) {
+            P::retract_each(states, |s| &mut point(s).pose, &d[..n]);
+            for (k, state) in states.iter_mut().enumerate() {
+                let x = point(state);
+                x.velocity.iter_mut().chain(&mut x.acceleration).zip(&d[n..]).for_each(|(v, row)| *v += row[k]);
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
 use super::noise::{check_density, driven_noise};
 use crate::agent::Dynamics;
-use crate::batch::with_rows;
+use crate::batch::{Row, with_rows};
 use crate::belief::Moving;
 use crate::error::ConfigError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
@@ -51,10 +51,20 @@ where
     }
 
     fn propagate_each(&self, states: &mut [Moving<P>], dt: Seconds) {
+        self.disturb_each(states, dt, &[]);
+    }
+
+    fn disturb_each(&self, states: &mut [Moving<P>], dt: Seconds, noise: &[Row]) {
         let n = states.first().map_or(0, |s| s.velocity.len());
-        with_rows(n, |steps| {
-            for (k, state) in states.iter().enumerate() {
-                steps.iter_mut().zip(&state.velocity).for_each(|(row, v)| row[k] = v * dt.0);
+        let (pose, velocity) = noise.split_at(n.min(noise.len()));
+        with_rows(n + pose.len(), |steps| {
+            let (along, aside) = steps.split_at_mut(n);
+            aside.copy_from_slice(pose);
+            for (k, state) in states.iter_mut().enumerate() {
+                for (r, v) in state.velocity.iter_mut().enumerate() {
+                    along[r][k] = *v * dt.0;
+                    *v += velocity.get(r).map_or(0.0, |row| row[k]);
+                }
             }
             P::retract_each(states, |s| &mut s.pose, steps);
         });

@@ -103,7 +103,7 @@ fn rotation_from<T: RealField + Copy>(w: [T; 3], y: T, [c0, c1, c2, c3]: [T; 4])
 }
 
 /// Squared tangent of half a rotation angle up to which [`arc_tangent_quotient`] is exact: 0.2 radians.
-pub(super) const SMALL_TANGENT: f64 = 0.01;
+const SMALL_TANGENT: f64 = 0.01;
 
 /// `atan(√t) / √t` for `t` up to [`SMALL_TANGENT`].
 #[inline(always)]
@@ -201,20 +201,28 @@ pub(super) fn rotate([i, j, k, w]: [f64; 4], x: [f64; 3]) -> [f64; 3] {
     [t[0] * w + c[0] + x[0], t[1] * w + c[1] + x[1], t[2] * w + c[2] + x[2]]
 }
 
-/// [`rotation_log`] of a small rotation `i j k w` without a branch, and the squared tangent of half its angle: from
-/// [`SMALL_TANGENT`] on the result is void.
+/// Squared sine of half a rotation angle up to which [`small_rotation_log`] is exact: 0.2 radians.
+pub(super) const SMALL_SINE: f64 = 0.01;
+
+/// [`rotation_log`] of a small unit quaternion `i j k w` without a branch or division, and the squared sine of half its
+/// angle: from [`SMALL_SINE`] on the result is void.
 #[inline(always)]
 pub(super) fn small_rotation_log([i, j, k, w]: [f64; 4]) -> ([f64; 3], f64) {
-    let sign = if w < 0.0 { -1.0 } else { 1.0 };
-    let (w, v) = (w * sign, [i * sign, j * sign, k * sign]);
-    let t = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / (w * w);
-    let s = 2.0 * arc_tangent_quotient(t) / w;
-    (v.map(|v| v * s), t)
+    let x = i * i + j * j + k * k;
+    // 2 asin(√x) / √x: the ratios of neighbouring coefficients are (2n - 1)² / (2n (2n + 1)).
+    let mut sum = 1.0;
+    for n in (1..9).rev() {
+        let odd = f64::from(2 * n - 1);
+        sum = 1.0 + x * (odd * odd / f64::from(2 * n * (2 * n + 1))) * sum;
+    }
+    let s = (2.0 * sum).copysign(w);
+    ([i * s, j * s, k * s], x)
 }
 
-/// [`inverse_coefficient`] for rotation vectors below two radians, without a branch.
+/// [`inverse_coefficient`] of a rotation below 0.25 radians, `1/12 + x/720 + …`.
 #[inline(always)]
-pub(super) fn small_inverse_coefficient(squared: f64) -> f64 {
-    let [_, c1, c2, c3] = stumpff_small(squared * 0.25);
-    (c2 - c3) / (4.0 * c1)
+pub(super) fn small_inverse_coefficient(x: f64) -> f64 {
+    const SERIES: [f64; 6] =
+        [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30_240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];
+    SERIES.iter().rev().fold(0.0, |sum, c| sum * x + c)
 }

@@ -50,7 +50,9 @@ manifold_of_group!([const N: usize] Vector<N>, Const<N>, |_x| Const, [("vector",
     }
     fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
         for (k, state) in states.iter_mut().enumerate() {
-            point(state).0.iter_mut().zip(d).for_each(|(v, row)| *v += row[k]);
+            for d in d.chunks_exact(N.max(1)) {
+                point(state).0.iter_mut().zip(d).for_each(|(v, row)| *v += row[k]);
+            }
         }
     }
     fn local_each(&self, points: &[Self], out: &mut [Row]) {

@@ -36,7 +36,8 @@ impl Adaptive {
         (enough.ceil() as usize).clamp(least, self.most.max(least))
     }
 
-    /// Number of bins that hold at least one of the chosen poses, in the tangent space at the first of them.
+    /// Number of bins that hold at least one of the chosen poses, in the tangent space at the first of them,
+    /// which lies in the middle of its bin.
     pub(super) fn bins<P: Manifold>(&self, poses: &[P], chosen: &[usize], keys: &mut Vec<u64>) -> usize
     where
         DefaultAllocator: Alloc<P::D>,
@@ -49,7 +50,7 @@ impl Adaptive {
                 let offset = at.local(&poses[k]);
                 // Distinct bins have distinct keys but for a chance of some 2⁻⁶⁴ a pair.
                 let key = offset.iter().zip(&self.widths).fold(0_u64, |key, (x, width)| {
-                    let bin = (x / width).floor() as i64;
+                    let bin = (x / width).round() as i64;
                     mix(key ^ bin as u64)
                 });
                 keys.push(key);
@@ -90,7 +91,7 @@ mod tests {
             let chosen: Vec<usize> = (0..poses.len()).flat_map(|k| [k, k]).collect();
             let exact: BTreeSet<_> = points
                 .iter()
-                .map(|(x, y)| (((x - points[0].0) / 0.5).floor() as i64, ((y - points[0].1) / 4.0).floor() as i64))
+                .map(|(x, y)| (((x - points[0].0) / 0.5).round() as i64, ((y - points[0].1) / 4.0).round() as i64))
                 .collect();
             let mut keys = vec![];
             prop_assert_eq!(adaptive.bins(&poses, &chosen, &mut keys), exact.len());

@@ -62,12 +62,13 @@ where
         self.logs.resize(count, math::ln(w));
     }
 
-    /// Makes `count` particles, of equal weight: `place` says where those of a chunk would be without noise, then new noise
-    /// moves them. Paths are remembered where `keep` says so. `any` is any state.
+    /// Makes `count` particles, of equal weight: `place` says where those of a chunk were, `go` moves them by noise or without.
+    /// Paths are remembered where `keep` says so. `any` is any state.
     pub fn scatter(
         &mut self,
         (count, any): (usize, &S),
         place: impl Fn(usize, &mut [S]) + Sync,
+        go: impl Fn(&mut [S], Option<&[Row]>) + Sync,
         diffusion: &Diffusion<S>,
         (source, frame): (&Source, u64),
         keep: bool,
@@ -76,9 +77,8 @@ where
         self.states.resize(count, any.clone());
         self.poses.resize(count, any.pose().clone());
         let columns = diffusion.columns();
-        let draw = |chunk: usize, states: &mut [S], poses: &mut [P], normals: &mut [Row]| {
-            source.normal_rows(frame, (chunk * LANES) as u32, normals);
-            diffusion.apply(normals, columns, states);
+        let draw = |chunk: usize, normals: &mut [Row]| source.normal_rows(frame, (chunk * LANES) as u32, normals);
+        let finish = |states: &[S], poses: &mut [P]| {
             poses.iter_mut().zip(states.iter()).for_each(|(pose, s)| pose.clone_from(s.pose()));
             states.iter().all(S::is_finite)
         };
@@ -89,14 +89,23 @@ where
             let paths = self.ahead.par_chunks_mut(LANES).zip(self.noise.par_chunks_mut(columns.max(1)));
             let moved = both.zip(paths).map(|((k, (states, poses)), (ahead, normals))| {
                 place(k, ahead);
+                go(ahead, None);
                 states.clone_from_slice(ahead);
-                draw(k, states, poses, normals)
+                draw(k, normals);
+                diffusion.apply(normals, columns, states);
+                finish(states, poses)
             });
             moved.reduce(|| true, |a, b| a & b)
         } else {
             let moved = both.map(|(k, (states, poses))| {
                 place(k, states);
-                with_rows(columns, |normals| draw(k, states, poses, normals))
+                with_rows(columns + diffusion.rows(), |rows| {
+                    let (normals, steps) = rows.split_at_mut(columns);
+                    draw(k, normals);
+                    diffusion.noise(normals, columns, steps);
+                    go(states, Some(steps));
+                });
+                finish(states, poses)
             });
             moved.reduce(|| true, |a, b| a & b)
         };

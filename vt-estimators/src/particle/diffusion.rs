@@ -2,7 +2,7 @@
 
 use nalgebra::{DefaultAllocator, Dim};
 use vt_core::agent::Dynamics;
-use vt_core::batch::{Row, vectorized, with_rows};
+use vt_core::batch::{LANES, Row, vectorized, with_rows};
 use vt_core::belief::symmetrize;
 use vt_core::dynamics::{pivoted_root, semidefinite_root};
 use vt_core::error::EstimateError;
@@ -20,15 +20,15 @@ pub(super) struct Diffusion<S: Manifold>
 where
     DefaultAllocator: Alloc<S::D>,
 {
-    /// Entries of `L` that are not zero, by column: column, row, value.
+    /// Entries of `L` that are not zero, by row: row, column, value.
     entries: Vec<(usize, usize, f64)>,
     size: S::D,
     /// Coordinates in the order in which they are placed; empty where no order matters.
     order: Vec<usize>,
     /// Number of columns that are drawn by the end of each part; the last is that of all.
     pub ends: Vec<usize>,
-    /// Length of each part in coordinates of the pose.
-    pub parts: Vec<usize>,
+    /// Coordinates of the pose in each part.
+    pub parts: Vec<Vec<usize>>,
     marginal: bool,
     remainder: Square<S>,
 }
@@ -38,16 +38,15 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     /// For states of this size with a pose of dimension `pose`, placed in these parts (none: all at once).
-    pub fn new(size: S::D, pose: usize, parts: &[usize], marginal: bool) -> Self {
+    pub fn new(size: S::D, pose: usize, parts: &[Vec<usize>], marginal: bool) -> Self {
         let all = size.value();
         let orders = if marginal || pose == 0 { 1 } else { all / pose };
-        let parts = if parts.is_empty() { vec![pose] } else { parts.to_vec() };
-        let (mut order, mut ends, mut first) = (vec![], vec![], 0);
+        let parts = if parts.is_empty() { vec![(0..pose).collect()] } else { parts.to_vec() };
+        let (mut order, mut ends) = (vec![], vec![]);
         for part in &parts {
             for derivative in 0..orders {
-                order.extend((first..first + part).map(|k| derivative * pose + k));
+                order.extend(part.iter().map(|k| derivative * pose + k));
             }
-            first += part;
             ends.push(order.len());
         }
         // What is not drawn.
@@ -62,6 +61,11 @@ where
     /// Number of normal numbers a particle.
     pub fn columns(&self) -> usize {
         self.ends.last().copied().unwrap_or(0)
+    }
+
+    /// Number of coordinates of a state.
+    pub fn rows(&self) -> usize {
+        self.size.value()
     }
 
     /// Covariance of what is not drawn.
@@ -117,25 +121,38 @@ where
 
     fn set(&mut self, root: &Square<S>) {
         self.entries.clear();
-        for c in 0..self.columns() {
-            let column = root.column(c);
-            self.entries.extend(column.iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(r, v)| (c, r, *v)));
+        for r in 0..root.nrows() {
+            let row = (0..self.columns()).map(|c| (r, c, root[(r, c)]));
+            self.entries.extend(row.filter(|e| e.2 != 0.0));
         }
+    }
+
+    /// Gives `steps` the noise that the first `columns` of the `normals` make.
+    pub fn noise(&self, normals: &[Row], columns: usize, steps: &mut [Row]) {
+        vectorized(
+            #[inline(always)]
+            || {
+                let mut entries = self.entries.as_slice();
+                for (r, step) in steps.iter_mut().enumerate() {
+                    let (row, others) = entries.split_at(entries.iter().take_while(|e| e.0 == r).count());
+                    entries = others;
+                    for first in (0..LANES).step_by(16) {
+                        let mut sum = [0.0; 16];
+                        for &(_, c, v) in row.iter().filter(|e| e.1 < columns) {
+                            let normals = &normals[c][first..first + 16];
+                            sum.iter_mut().zip(normals).for_each(|(sum, n)| *sum += v * n);
+                        }
+                        step[first..first + 16].copy_from_slice(&sum);
+                    }
+                }
+            },
+        );
     }
 
     /// Moves `states` by the first `columns` of the `normals`.
     pub fn apply(&self, normals: &[Row], columns: usize, states: &mut [S]) {
         with_rows(self.size.value(), |steps| {
-            vectorized(
-                #[inline(always)]
-                || {
-                    steps.iter_mut().for_each(|row| row.fill(0.0));
-                    for &(c, r, v) in self.entries.iter().take_while(|e| e.0 < columns) {
-                        let normals = &normals[c];
-                        steps[r].iter_mut().zip(normals).for_each(|(step, n)| *step += v * n);
-                    }
-                },
-            );
+            self.noise(normals, columns, steps);
             S::retract_each(states, |s| s, steps);
         });
     }

@@ -25,12 +25,13 @@ where
         let columns = self.diffusion.columns();
         let stages = self.diffusion.ends.len();
         self.next.clone_from(&self.cloud);
-        let (mut evidence, mut coordinates) = (0.0, 0);
+        let mut evidence = 0.0;
+        let mut known = vec![];
         for stage in 0..stages - 1 {
             let (next, placed) = (&mut self.next, self.diffusion.ends[stage]);
-            coordinates += self.diffusion.parts[stage];
+            known.extend_from_slice(&self.diffusion.parts[stage]);
             next.follow(&self.diffusion, placed);
-            evaluate(&next.poses, &mut next.likelihoods, |poses, out| z.importances(poses, coordinates, out))?;
+            evaluate(&next.poses, &mut next.likelihoods, |poses, out| z.importances(poses, &known, out))?;
             next.logs.iter_mut().zip(&next.likelihoods).for_each(|(w, g)| *w += g);
             evidence += next.normalize()?;
             let p = &self.params;

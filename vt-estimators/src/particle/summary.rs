@@ -1,7 +1,7 @@
 //! What weighted poses say: mean, covariance, mode.
 
 use nalgebra::{DefaultAllocator, U1};
-use vt_core::batch::{LANES, Row, dot, vectorized, with_rows};
+use vt_core::batch::{LANES, Row, dot, total, vectorized, with_rows};
 use vt_core::belief::Gaussian;
 use vt_core::dynamics::semidefinite_root;
 use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
@@ -55,12 +55,11 @@ fn add<P: Manifold>(w: &Row, rows: &[Row], sum: &mut Moments<P>)
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    const ONES: Row = [1.0; LANES];
-    sum.weight += dot(w, &ONES);
+    sum.weight += total(w);
     for (r, row) in rows.iter().enumerate() {
         let mut weighted = *w;
         weighted.iter_mut().zip(row).for_each(|(w, d)| *w *= d);
-        sum.first[r] += dot(&weighted, &ONES);
+        sum.first[r] += total(&weighted);
         for (c, other) in rows.iter().take(r + 1).enumerate() {
             sum.second[(r, c)] += dot(&weighted, other);
         }
