@@ -2,6 +2,7 @@
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
+use crate::batch::Row;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::math;
 
@@ -192,6 +193,21 @@ where
         let block = self.pose.transport(&d.rows_generic(0, n).into_owned());
         j.generic_view_mut((0, 0), (n, n)).copy_from(&block);
         j
+    }
+
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.velocity.iter().fold(0.0, |sum, v| sum + v * 0.0) == 0.0
+    }
+
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        let n = states.first_mut().map_or(1, |s| point(s).velocity.len().max(1));
+        for d in d.chunks_exact(2 * n) {
+            P::retract_each(states, |s| &mut point(s).pose, &d[..n]);
+            for (k, state) in states.iter_mut().enumerate() {
+                let x = point(state);
+                x.velocity.iter_mut().zip(&d[n..]).for_each(|(v, row)| *v += row[k]);
+            }
+        }
     }
 
     fn blocks(&self) -> Vec<(String, usize)> {

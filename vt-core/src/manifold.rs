@@ -3,6 +3,8 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, Dyn, OMatrix, OVector, U1, U2, U3};
 
+use crate::batch::Row;
+
 /// All storage that the algorithms of this project ask for in dimension `D`; one bound instead of ten.
 pub trait Alloc<D: Dim>:
     Allocator<D, Buffer<f64>: Send + Sync>
@@ -102,6 +104,37 @@ where
     /// True when every coordinate is finite.
     fn is_finite(&self) -> bool {
         crate::math::all_finite(self.local(self).as_slice())
+    }
+
+    /// `x_k ← x_k ⊞ d_k` for the points inside up to [`crate::batch::LANES`] states; row `r` of `d` holds coordinate `r` of
+    /// all tangent vectors. Where `d` has rows for several vectors, `x_k ⊞ d_k ⊞ d'_k …`. Spaces on which many hypotheses
+    /// move override it by vector instructions, bit for bit the same as [`Manifold::retract`].
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        for (k, state) in states.iter_mut().enumerate() {
+            let x = point(state);
+            let n = x.dim();
+            for d in d.chunks_exact(n.value().max(1)) {
+                let step = OVector::from_fn_generic(n, U1, |r, _| d[r][k]);
+                *x = x.retract(&step);
+            }
+        }
+    }
+
+    /// [`Manifold::local`], to rounding, of up to [`crate::batch::LANES`] points: row `r` of `out` gets coordinate `r` of all tangent
+    /// vectors, and zero beyond the points.
+    fn local_each(&self, points: &[Self], out: &mut [Row]) {
+        for (k, point) in points.iter().enumerate() {
+            let d = self.local(point);
+            out.iter_mut().zip(&d).for_each(|(row, v)| row[k] = *v);
+        }
+        out.iter_mut().for_each(|row| row[points.len()..].fill(0.0));
+    }
+
+    /// A point near the mean of points with these weights, from which to start iterations: by default the heaviest one.
+    /// `None` without points.
+    fn centre(points: &[Self], weights: &[f64]) -> Option<Self> {
+        let (heaviest, _) = weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        points.get(heaviest).cloned()
     }
 
     /// Weighted mean of points on the manifold (Karcher): the point at which the weighted tangent vectors to all

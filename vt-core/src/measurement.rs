@@ -31,6 +31,14 @@ where
     /// `ln P(z|p)` up to a constant for a batch of hypotheses; `out` has the length of `poses`.
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]);
 
+    /// `ln g(p)` of poses of which the tangent coordinates `placed` are drawn and the others only predicted, for
+    /// estimators that place articulated bodies part after part. Any positive function is right; the better it is
+    /// proportional to `P(z|p)` over all values of the others, the fewer hypotheses are lost.
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
+        let _ = placed;
+        self.log_likelihoods(poses, out);
+    }
+
     /// Residuals `observed − predicted` at `at` with Jacobians of the prediction; replaces the content of `out`.
     /// The number of rows may differ from call to call.
     fn residuals(&self, at: &P, out: &mut Linearized<P>);

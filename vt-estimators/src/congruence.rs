@@ -26,7 +26,12 @@ where
     #[cfg(feature = "faer")]
     if R::is::<nalgebra::Dyn>() && rows > crate::large::LARGE {
         let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
-        crate::large::times_transpose(p.as_slice(), f.as_slice(), [rows, columns, f.nrows()], out.as_mut_slice());
+        crate::large::times_transpose(
+            p.as_slice(),
+            f.as_slice(),
+            [rows, columns, f.nrows()],
+            out.as_mut_slice(),
+        );
         return out;
     }
     let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);

@@ -3,6 +3,7 @@
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
 use super::{Extends, Gaussian, Moving, State};
+use crate::batch::Row;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 
 /// Dimension of [`Accelerating`]: three times that of the pose.
@@ -76,6 +77,25 @@ where
 
     fn transport(&self, d: &Tangent<Self>) -> Square<Self> {
         self.pad(&self.pose.transport(&d.rows_generic(0, self.pose.dim()).into_owned()))
+    }
+
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.velocity.iter().chain(&self.acceleration).all(|v| v.is_finite())
+    }
+
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        let n = states.first_mut().map_or(1, |s| point(s).velocity.len().max(1));
+        for d in d.chunks_exact(3 * n) {
+            P::retract_each(states, |s| &mut point(s).pose, &d[..n]);
+            for (k, state) in states.iter_mut().enumerate() {
+                let x = point(state);
+                x.velocity
+                    .iter_mut()
+                    .chain(&mut x.acceleration)
+                    .zip(&d[n..])
+                    .for_each(|(v, row)| *v += row[k]);
+            }
+        }
     }
 
     fn blocks(&self) -> Vec<(String, usize)> {

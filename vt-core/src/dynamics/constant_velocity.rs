@@ -4,6 +4,7 @@ use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
 use super::noise::{check_density, driven_noise};
 use crate::agent::Dynamics;
+use crate::batch::{Row, with_rows};
 use crate::belief::Moving;
 use crate::error::ConfigError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
@@ -47,6 +48,26 @@ where
 {
     fn propagate(&self, state: &Moving<P>, dt: Seconds) -> Moving<P> {
         Moving { pose: state.pose.retract(&(&state.velocity * dt.0)), velocity: state.velocity.clone() }
+    }
+
+    fn propagate_each(&self, states: &mut [Moving<P>], dt: Seconds) {
+        self.disturb_each(states, dt, &[]);
+    }
+
+    fn disturb_each(&self, states: &mut [Moving<P>], dt: Seconds, noise: &[Row]) {
+        let n = states.first().map_or(0, |s| s.velocity.len());
+        let (pose, velocity) = noise.split_at(n.min(noise.len()));
+        with_rows(n + pose.len(), |steps| {
+            let (along, aside) = steps.split_at_mut(n);
+            aside.copy_from_slice(pose);
+            for (k, state) in states.iter_mut().enumerate() {
+                for (r, v) in state.velocity.iter_mut().enumerate() {
+                    along[r][k] = *v * dt.0;
+                    *v += velocity.get(r).map_or(0.0, |row| row[k]);
+                }
+            }
+            P::retract_each(states, |s| &mut s.pose, steps);
+        });
     }
 
     fn jacobian(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {

@@ -97,13 +97,12 @@ where
     }
 }
 
-/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors.
+/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors; further items of the
+/// trait may follow.
 macro_rules! manifold_of_group {
-    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*]
-        $(, flat: $flat:expr)?) => {
+    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*] $(, $($more:tt)*)?) => {
         impl<$($generic)*> crate::manifold::Manifold for $group {
             type D = $dim;
-            $(const FLAT: bool = $flat;)?
             fn dim(&self) -> $dim {
                 let $x = self;
                 $size
@@ -126,6 +125,7 @@ macro_rules! manifold_of_group {
             fn blocks(&self) -> Vec<(String, usize)> {
                 vec![$(($name.to_string(), $len)),*]
             }
+            $($($more)*)?
         }
     };
 }

@@ -7,6 +7,7 @@ pub mod init;
 pub mod loss;
 pub mod motion;
 pub mod output;
+pub mod particle;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
@@ -93,8 +94,8 @@ impl Registry {
             .with(
                 Method::<Estimators<SE3>>::new(
                     "particle",
-                    "sequential importance resampling",
-                    estimator::particle,
+                    "particle filter: bootstrap, auxiliary or annealed; Rao-Blackwellised; adaptive number",
+                    particle::particle,
                 )
                 .levels(&[Pixel, Feature, Object]),
             )
