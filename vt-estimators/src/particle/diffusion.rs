@@ -159,3 +159,35 @@ where
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Const, Matrix4, SMatrix};
+    use vt_core::lie::Vector;
+
+    /// What the normal numbers make has the covariance that was asked for, in every order.
+    #[test]
+    fn noise_and_remainder_make_up_the_covariance() {
+        let side = Matrix4::from_fn(|r, c| if r == c { 2.0 } else { 0.3 * (r as f64) - 0.2 * (c as f64) });
+        let covariance = side * side.transpose();
+        for (parts, marginal) in [(vec![], false), (vec![], true), (vec![vec![1], vec![0]], false), (vec![vec![1], vec![0]], true)] {
+            let mut diffusion = Diffusion::<Vector<4>>::new(Const, 2, &parts, marginal);
+            diffusion.spread(&covariance);
+            let columns = diffusion.columns();
+            let mut root = SMatrix::<f64, 4, 4>::zeros();
+            for c in 0..columns {
+                let mut normals = vec![[0.0; LANES]; columns];
+                normals[c] = [1.0; LANES];
+                let mut steps = vec![[9.0; LANES]; 4];
+                diffusion.noise(&normals, columns, &mut steps);
+                for r in 0..4 {
+                    assert!(steps[r].iter().all(|v| *v == steps[r][0]));
+                    root[(r, c)] = steps[r][0];
+                }
+            }
+            let found = root * root.transpose() + diffusion.remainder();
+            assert!((found - covariance).amax() < 1e-12, "{parts:?}, {marginal}: {found} {covariance}");
+        }
+    }
+}
