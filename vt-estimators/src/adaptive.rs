@@ -161,6 +161,10 @@ where
         self.z.log_likelihoods(poses, out);
         out.iter_mut().for_each(|l| *l /= self.factor);
     }
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
+        self.z.importances(poses, placed, out);
+        out.iter_mut().for_each(|l| *l /= self.factor);
+    }
     fn residuals(&self, at: &P, out: &mut Linearized<P>) {
         self.z.residuals(at, out);
         out.variances.iter_mut().for_each(|v| *v *= self.factor);

@@ -1,10 +1,34 @@
-//! `F P Fᵀ`, where most of a filter's time goes.
+//! `F P Fᵀ` and its kin, where most of a filter's time goes.
 //!
 //! Transitions and sensors are mostly zeros; products go column by column and leave these out, and of a symmetric
-//! result only the lower half is computed.
+//! result only the lower half is computed. With the feature `faer`, more than 60 coordinates of run-time size go to that library.
 
-use nalgebra::{DefaultAllocator, Dim, OMatrix};
+use nalgebra::{Cholesky, DefaultAllocator, Dim, OMatrix};
+use vt_core::belief;
 use vt_core::manifold::{Alloc, AllocPair};
+
+/// `o += Σ_k f(c, k) v_k` for the columns `o` of `out`, number `c` each, and `v` of `from`, all of the length `rows`; where
+/// `lower` says so at least from row `c` on. Sums run in the order of `k`, whatever the instructions.
+#[inline(always)]
+fn add_columns<R: Dim, C: Dim>(
+    out: &mut [f64],
+    from: &[f64],
+    (rows, columns): (R, C),
+    lower: bool,
+    f: impl Fn(usize, usize) -> f64,
+) {
+    let rows = rows.value();
+    for (c, into) in out.chunks_exact_mut(rows.max(1)).enumerate() {
+        // Whole vectors.
+        let first = if lower { c / 4 * 4 } else { 0 };
+        for (k, column) in from.chunks_exact(rows.max(1)).take(columns.value()).enumerate() {
+            let factor = f(c, k);
+            if factor != 0.0 {
+                into[first..].iter_mut().zip(&column[first..]).for_each(|(o, v)| *o += factor * v);
+            }
+        }
+    }
+}
 
 /// `F P Fᵀ` for a symmetric `P`, exactly symmetric.
 pub(crate) fn congruence<N: Dim, C: Dim>(f: &OMatrix<f64, N, C>, p: &OMatrix<f64, C, C>) -> OMatrix<f64, N, N>
@@ -22,31 +46,95 @@ pub(crate) fn times_transpose<R: Dim, C: Dim, N: Dim, A: Dim>(
 where
     DefaultAllocator: AllocPair<R, C> + AllocPair<N, A> + AllocPair<R, N>,
 {
-    let (rows, columns) = (p.nrows(), f.ncols());
     #[cfg(feature = "faer")]
-    if R::is::<nalgebra::Dyn>() && rows > crate::large::LARGE {
+    if R::is::<nalgebra::Dyn>() && p.nrows() > crate::large::LARGE {
         let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
         crate::large::times_transpose(
             p.as_slice(),
             f.as_slice(),
-            [rows, columns, f.nrows()],
+            [p.nrows(), f.ncols(), f.nrows()],
             out.as_mut_slice(),
         );
         return out;
     }
     let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
-    let from = p.as_slice();
-    for (n, into) in out.as_mut_slice().chunks_exact_mut(rows.max(1)).enumerate() {
-        for k in 0..columns {
-            let factor = f[(n, k)];
-            if factor != 0.0 {
-                for (o, v) in into.iter_mut().zip(&from[k * rows..(k + 1) * rows]) {
-                    *o += factor * v;
-                }
-            }
-        }
-    }
+    add_columns(
+        out.as_mut_slice(),
+        p.as_slice(),
+        (p.shape_generic().0, f.shape_generic().1),
+        false,
+        #[inline(always)]
+        |n, k| f[(n, k)],
+    );
     out
+}
+
+/// `1 − K H`, with `H` acting on the leading coordinates.
+pub(crate) fn identity_minus<N: Dim, M: Dim, A: Dim>(
+    k: &OMatrix<f64, N, M>,
+    h: &OMatrix<f64, M, A>,
+) -> OMatrix<f64, N, N>
+where
+    DefaultAllocator: AllocPair<N, M> + AllocPair<M, A>,
+{
+    let dim = k.shape_generic().0;
+    let (n, leading) = (k.nrows(), h.ncols());
+    let mut out = OMatrix::<f64, N, N>::identity_generic(dim, dim);
+    let block = &mut out.as_mut_slice()[..n * leading];
+    add_columns(
+        block,
+        k.as_slice(),
+        (dim, h.shape_generic().0),
+        false,
+        #[inline(always)]
+        |c, m| -h[(m, c)],
+    );
+    out
+}
+
+/// Cholesky factor of a symmetric matrix given by its lower triangle; `None` unless positive definite and finite.
+pub(crate) fn cholesky<D: Dim>(m: OMatrix<f64, D, D>) -> Option<Cholesky<f64, D>>
+where
+    DefaultAllocator: Alloc<D>,
+{
+    #[cfg(feature = "faer")]
+    if D::is::<nalgebra::Dyn>() && m.nrows() > crate::large::LARGE {
+        let mut root = m;
+        let n = root.nrows();
+        return crate::large::cholesky(root.as_mut_slice(), n).then(|| Cholesky::pack_dirty(root));
+    }
+    belief::cholesky(m)
+}
+
+/// `B ← B (L Lᵀ)⁻¹` for a lower triangular `L`, whose upper half is not read.
+pub(crate) fn divide_columns<N: Dim, M: Dim>(b: &mut OMatrix<f64, N, M>, l: &OMatrix<f64, M, M>)
+where
+    DefaultAllocator: AllocPair<N, M>,
+{
+    #[inline(always)]
+    fn subtract(to: &mut [f64], factor: f64, from: &[f64]) {
+        to.iter_mut().zip(from).for_each(|(to, from)| *to -= factor * from);
+    }
+    let (n, m) = (b.nrows(), b.ncols());
+    let columns = b.as_mut_slice();
+    #[cfg(feature = "faer")]
+    if N::is::<nalgebra::Dyn>() && n > crate::large::LARGE {
+        return crate::large::divide_columns(columns, l.as_slice(), [n, m]);
+    }
+    for j in 0..m {
+        let (before, rest) = columns.split_at_mut(j * n);
+        for (k, column) in before.chunks_exact(n.max(1)).enumerate() {
+            subtract(&mut rest[..n], l[(j, k)], column);
+        }
+        rest[..n].iter_mut().for_each(|v| *v /= l[(j, j)]);
+    }
+    for j in (0..m).rev() {
+        let (rest, after) = columns.split_at_mut((j + 1) * n);
+        for (k, column) in (j + 1..m).zip(after.chunks_exact(n.max(1))) {
+            subtract(&mut rest[j * n..], l[(k, j)], column);
+        }
+        rest[j * n..].iter_mut().for_each(|v| *v /= l[(j, j)]);
+    }
 }
 
 /// `B Fᵀ` where that is known to be symmetric.
@@ -57,27 +145,28 @@ pub(crate) fn symmetric_product<N: Dim, C: Dim>(
 where
     DefaultAllocator: AllocPair<N, C>,
 {
-    let n = f.nrows();
     let dim = f.shape_generic().0;
     #[cfg(feature = "faer")]
-    if N::is::<nalgebra::Dyn>() && n > crate::large::LARGE {
+    if N::is::<nalgebra::Dyn>() && f.nrows() > crate::large::LARGE {
         let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
-        crate::large::times_transpose(b.as_slice(), f.as_slice(), [n, f.ncols(), n], out.as_mut_slice());
+        crate::large::times_transpose(
+            b.as_slice(),
+            f.as_slice(),
+            [f.nrows(), f.ncols(), f.nrows()],
+            out.as_mut_slice(),
+        );
         mirror(&mut out);
         return out;
     }
     let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
-    let from = b.as_slice();
-    for (c, into) in out.as_mut_slice().chunks_exact_mut(n.max(1)).enumerate() {
-        for k in 0..f.ncols() {
-            let factor = f[(c, k)];
-            if factor != 0.0 {
-                for (o, v) in into[c..].iter_mut().zip(&from[k * n + c..(k + 1) * n]) {
-                    *o += factor * v;
-                }
-            }
-        }
-    }
+    add_columns(
+        out.as_mut_slice(),
+        b.as_slice(),
+        f.shape_generic(),
+        true,
+        #[inline(always)]
+        |c, k| f[(c, k)],
+    );
     mirror(&mut out);
     out
 }

@@ -10,12 +10,13 @@
 //! rows are set to zero (Schmidt: coordinates that are considered but not estimated).
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, OMatrix, OVector};
-use vt_core::belief::cholesky;
 use vt_core::error::EstimateError;
 use vt_core::manifold::AllocPair;
 use vt_core::math;
 
-use crate::congruence::{congruence, symmetric_product, times_transpose};
+use crate::congruence::{
+    cholesky, congruence, divide_columns, identity_minus, symmetric_product, times_transpose,
+};
 
 /// Gain of a measurement with `M` rows for a state with `N` coordinates.
 pub(crate) struct Gain<N: Dim, M: Dim>
@@ -51,9 +52,9 @@ where
             None => (0..s.nrows()).for_each(|k| s[(k, k)] += 1.0),
         }
         let factor = cholesky(s).ok_or(EstimateError::NotPositiveDefinite("the innovation's covariance"))?;
-        let mut transposed = across.transpose();
-        factor.solve_mut(&mut transposed);
-        Ok(Self { gain: transposed.transpose(), factor })
+        let mut gain = across;
+        divide_columns(&mut gain, factor.l_dirty());
+        Ok(Self { gain, factor })
     }
 
     /// Takes out coordinates that are considered but not estimated: those where `considered` is not zero.
@@ -78,8 +79,7 @@ where
         let l = self.factor.l_dirty();
         let mut w = nu.clone();
         l.solve_lower_triangular_mut(&mut w);
-        let log_det = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
-        (w.norm_squared(), log_det)
+        (w.norm_squared(), log_det(l))
     }
 
     /// `P⁺` for this gain.
@@ -92,12 +92,7 @@ where
     where
         DefaultAllocator: AllocPair<N, A> + AllocPair<M, A> + AllocPair<N, M>,
     {
-        let (n, a) = (p.shape_generic().0, h.shape_generic().1);
-        let mut keep = OMatrix::<f64, N, N>::identity_generic(n, n);
-        {
-            let mut block = keep.columns_generic_mut(0, a);
-            block -= &self.gain * h;
-        }
+        let keep = identity_minus::<N, M, A>(&self.gain, h);
         let mut covariance = congruence::<N, N>(&keep, p);
         covariance += match noise {
             Some(r) => congruence::<N, M>(&self.gain, r),
@@ -105,4 +100,17 @@ where
         };
         covariance
     }
+}
+
+/// `ln det L Lᵀ` of a lower triangular `L`.
+pub(crate) fn log_det<M: Dim>(l: &OMatrix<f64, M, M>) -> f64
+where
+    DefaultAllocator: AllocPair<M, M>,
+{
+    // One logarithm, unless the product leaves the range of numbers.
+    let product: f64 = (0..l.nrows()).map(|k| l[(k, k)]).product();
+    if product.is_normal() {
+        return 2.0 * math::ln(product);
+    }
+    (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum()
 }

@@ -12,15 +12,15 @@
 
 use nalgebra::{DefaultAllocator, Dim};
 use vt_core::agent::{Dynamics, Estimator};
-use vt_core::belief::{Gaussian, State, cholesky, pose_marginal, symmetrize};
+use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
-use vt_core::math;
 use vt_core::measurement::{Measurement, NormalEquations};
 use vt_core::report::{Innovation, StopReason};
 use vt_core::time::Seconds;
 
-use crate::congruence::congruence;
+use crate::congruence::{cholesky, congruence};
+use crate::gain::log_det;
 use crate::gaussian_filter::GaussianFilter;
 use crate::prior::{at_rest, checked};
 
@@ -50,8 +50,7 @@ where
     let l = factor.l_dirty();
     // A pivot that is rounding of its own diagonal entry says that the matrix is singular.
     let regular = (0..l.nrows()).all(|k| l[(k, k)] * l[(k, k)] > 1e-12 * m[(k, k)]);
-    let log_det = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
-    regular.then(|| (factor.inverse(), log_det))
+    regular.then(|| (factor.inverse(), log_det(l)))
 }
 
 impl<P, S, M> InformationFilter<P, S, M>

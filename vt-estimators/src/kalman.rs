@@ -225,11 +225,11 @@ where
     fn predict(&mut self, dt: Seconds) -> Result<(), EstimateError> {
         let mean = self.dynamics.propagate(&self.belief.mean, dt);
         let f = self.dynamics.jacobian(&self.belief.mean, dt);
-        let mut q = self.dynamics.noise(&self.belief.mean, dt);
+        let mut covariance = self.dynamics.noise(&self.belief.mean, dt);
         if self.noise_factor != 1.0 {
-            q *= self.noise_factor;
+            covariance *= self.noise_factor;
         }
-        let covariance = congruence::<S::D, S::D>(&f, &self.belief.covariance) + q;
+        covariance += congruence::<S::D, S::D>(&f, &self.belief.covariance);
         let next = Gaussian { mean, covariance };
         if !next.is_finite() {
             return Err(EstimateError::NotFinite("the predicted state"));

@@ -17,8 +17,9 @@ use vt_core::agent::{Dynamics, Estimator};
 use vt_core::batch::{LANES, Row, with_rows};
 use vt_core::belief::{Gaussian, State};
 use vt_core::error::EstimateError;
-use vt_core::manifold::{Alloc, Manifold, Square, Tangent};
+use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::measurement::Measurement;
+use vt_core::measurement_model::{MeasurementModel, Reading};
 use vt_core::random::{Random, Source, Stream};
 use vt_core::report::Innovation;
 use vt_core::time::Seconds;
@@ -144,8 +145,8 @@ where
     ///
     /// # Errors
     /// [`EstimateError::NoParticles`]; [`EstimateError::Dimension`] when the parts of [`Method::Partitioned`] do not name
-    /// each coordinate of the pose once or the bins of [`Adaptive`] are not those of the pose; when the prior is not finite, not positive semi-definite, or of another
-    /// dimension than its deviations.
+    /// each coordinate of the pose once or the bins of [`Adaptive`] are not those of the pose; when the prior is not finite,
+    /// not positive semi-definite, or of another dimension than its deviations.
     pub fn new(
         prior: &Gaussian<P>,
         rest: Vec<Tangent<P>>,
@@ -190,6 +191,18 @@ where
         };
         filter.reset(prior)?;
         Ok(filter)
+    }
+
+    /// Takes in a reading by its likelihood: [`Estimator::correct`] under the name that all filters have.
+    ///
+    /// # Errors
+    /// As there; the particles are then unchanged.
+    pub fn update<H>(&mut self, reading: &Reading<P, H>) -> Result<Innovation, EstimateError>
+    where
+        H: MeasurementModel<P> + 'static,
+        DefaultAllocator: AllocPair<P::D, H::M>,
+    {
+        self.correct(reading)
     }
 
     /// The particles with their normalised weights. With [`ParticleParams::marginal`] the derivatives are means.

@@ -21,17 +21,18 @@
 
 use nalgebra::{DVector, DefaultAllocator, Dim, Dyn, OMatrix, OVector};
 use vt_core::agent::{Dynamics, Estimator};
-use vt_core::belief::{Gaussian, State, cholesky, pose_marginal, symmetrize};
+use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
 use vt_core::dynamics::semidefinite_root;
 use vt_core::error::{ConfigError, EstimateError};
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
-use vt_core::math;
 use vt_core::measurement::Measurement;
 use vt_core::measurement_model::{MeasurementModel, Reading};
 use vt_core::report::{Innovation, StopReason};
 use vt_core::robust::Robust;
 use vt_core::time::Seconds;
 
+use crate::congruence::cholesky;
+use crate::gain::log_det;
 use crate::gaussian_filter::GaussianFilter;
 use crate::map::{maximum_a_posteriori, reset};
 use crate::prior::{at_rest, checked};
@@ -414,12 +415,4 @@ where
     fn scale_process_noise(&mut self, factor: f64) {
         self.noise_factor = factor;
     }
-}
-
-/// `ln det L Lᵀ` of a lower triangular `L`.
-fn log_det<D: Dim>(l: &OMatrix<f64, D, D>) -> f64
-where
-    DefaultAllocator: Alloc<D>,
-{
-    (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum()
 }

@@ -13,13 +13,14 @@ use std::collections::VecDeque;
 
 use nalgebra::DefaultAllocator;
 use vt_core::agent::Estimator;
-use vt_core::belief::{Gaussian, State, cholesky, symmetrize};
+use vt_core::belief::{Gaussian, State};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, Manifold, Square};
 use vt_core::measurement::Measurement;
 use vt_core::report::Innovation;
 use vt_core::time::Seconds;
 
+use crate::congruence::{cholesky, congruence, divide_columns};
 use crate::gaussian_filter::GaussianFilter;
 use crate::map::reset;
 
@@ -149,18 +150,19 @@ where
         }
     }
     let factor = cholesky(p).ok_or(EstimateError::NotPositiveDefinite("the predicted covariance"))?;
-    let gain = factor.solve(&cross.transpose()).transpose();
+    let mut gain = cross.clone();
+    divide_columns(&mut gain, factor.l_dirty());
     let d = predicted.mean.local(&next.mean);
     let mut spread = next.covariance.clone();
     if !S::FLAT {
         // Into the chart at the prediction.
         let back = predicted.mean.retract_jacobian(&d).try_inverse();
         let back = back.ok_or(EstimateError::NotFinite("the smoothed state"))?;
-        spread = &back * spread * back.transpose();
+        spread = congruence::<S::D, S::D>(&back, &spread);
     }
     let delta = &gain * d;
-    let mut covariance = &filtered.covariance + &gain * (spread - &predicted.covariance) * gain.transpose();
-    symmetrize(&mut covariance);
+    spread -= &predicted.covariance;
+    let covariance = &filtered.covariance + congruence::<S::D, S::D>(&gain, &spread);
     let covariance = reset(&filtered.mean, &delta, covariance);
     let smoothed = Gaussian { mean: filtered.mean.retract(&delta), covariance };
     if smoothed.is_finite() { Ok(smoothed) } else { Err(EstimateError::NotFinite("the smoothed state")) }

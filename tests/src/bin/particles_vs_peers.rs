@@ -1,6 +1,6 @@
 //! Times of the particle filter beside what others need, each in the same run on one thread.
 //!
-//! - A step of 1,000 particles with 12 states (SE(3), constant velocity) and a trivial likelihood, beside the time in
+//! - A step of 1,000 particles with 12 states (constant velocity in R^6 and on SE(3)) and a trivial likelihood, beside the time in
 //!   which `rand_distr::StandardNormal` with ChaCha8 makes its 12,000 normal numbers.
 //! - A step of 1,000 particles with 4 states, bearing and range, systematic resampling every time, beside Stone Soup's
 //!   (`particle_4_2_1000` of its `estimator_peers.py`).
@@ -78,26 +78,45 @@ fn params(resampling: Resampling, effective_share: f64, marginal: bool) -> Parti
     ParticleParams { count: PARTICLES, resampling, effective_share, marginal, ..ParticleParams::default() }
 }
 
-/// Twelve states beside the normal numbers.
-fn rigid() -> Result<()> {
+/// A filter that can be put back to its prior.
+struct Timed<P: Manifold>
+where
+    nalgebra::DefaultAllocator: vt_core::manifold::Alloc<P::D>,
+{
+    name: &'static str,
+    filter: Box<dyn Estimator<P>>,
+    prior: Gaussian<P>,
+    times: Vec<f64>,
+}
+
+/// Twelve states at constant velocity under three ways to go on, from poses around `start`.
+fn twelve<P>(start: P, names: [&'static str; 3]) -> Result<Vec<Timed<P>>>
+where
+    P: Manifold<D = nalgebra::Const<6>>,
+{
     let sigma = Vector6::new(0.01, 0.01, 0.01, 0.02, 0.02, 0.02);
-    let start = SE3::from_rotation_vector(&[0.3, -0.2, 0.5].into(), [0.1, 0.0, 0.8].into());
     let prior = Gaussian::from_sigmas(start, &sigma);
-    let filter = |share, marginal| {
+    // Above 1: drawn again in every step.
+    let kinds = [(0.5, false), (1.1, false), (1.1, true)];
+    let filter = |(name, (share, marginal))| {
         let motion = ConstantVelocity::new(Vector6::new(0.01, 0.01, 0.01, 0.04, 0.04, 0.04))?;
         let params = params(Resampling::Deterministic, share, marginal);
-        anyhow::Ok(ParticleFilter::<SE3, Moving<SE3>, _>::new(&prior, vec![sigma], motion, params)?)
+        let filter = Box::new(ParticleFilter::<P, Moving<P>, _>::new(&prior, vec![sigma], motion, params)?);
+        Ok(Timed { name, filter, prior: prior.clone(), times: vec![] })
     };
-    // Above 1: drawn again in every step.
-    let mut filters = [
-        ("equal weights", filter(0.5, false)?),
-        ("resampled every step", filter(1.1, false)?),
-        ("Rao-Blackwellised", filter(1.1, true)?),
-    ];
+    names.into_iter().zip(kinds).map(filter).collect()
+}
+
+/// Twelve states beside the normal numbers.
+fn beside_normals() -> Result<()> {
+    let start = SE3::from_rotation_vector(&[0.3, -0.2, 0.5].into(), [0.1, 0.0, 0.8].into());
+    let names = ["R^6", "R^6, resampled every step", "R^6, Rao-Blackwellised"];
+    let mut flat = twelve(Vector(Vector6::repeat(0.1)), names)?;
+    let names = ["SE(3)", "SE(3), resampled every step", "SE(3), Rao-Blackwellised"];
+    let mut rigid = twelve(start, names)?;
     let mut generator = ChaCha8Rng::seed_from_u64(0);
     let mut normals = vec![0.0; 12 * PARTICLES];
-    let (mut draws, mut times) = (vec![], vec![vec![]; filters.len()]);
-    let z = Likelihood(|_: &SE3| 0.0);
+    let mut draws = vec![];
     for _ in 0..ROUNDS {
         let begin = Instant::now();
         for _ in 0..20 {
@@ -105,20 +124,23 @@ fn rigid() -> Result<()> {
             std::hint::black_box(&normals);
         }
         draws.push(microseconds(begin.elapsed(), 20));
-        for ((_, filter), times) in filters.iter_mut().zip(&mut times) {
-            filter.reset(&prior)?;
-            times.push(steps(filter, &z, 1.0 / 30.0, 20)?);
-        }
+        flat.iter_mut().try_for_each(round)?;
+        rigid.iter_mut().try_for_each(round)?;
     }
     let draws = median(&draws);
     println!("12,000 normal numbers by rand_distr and ChaCha8: {draws:.1} us");
-    for ((name, _), times) in filters.iter().zip(&times) {
+    let times = flat.iter().map(|t| (t.name, &t.times)).chain(rigid.iter().map(|t| (t.name, &t.times)));
+    for (name, times) in times {
         let time = median(times);
-        println!(
-            "step, 1,000 particles, SE(3) with velocity, {name}: {time:.1} us, ratio {:.2}",
-            time / draws
-        );
+        println!("step, 1,000 particles with 12 states, {name}: {time:.1} us, ratio {:.2}", time / draws);
     }
+    Ok(())
+}
+
+/// Twenty steps of one of them.
+fn round<P: Manifold<D = nalgebra::Const<6>>>(timed: &mut Timed<P>) -> Result<()> {
+    timed.filter.reset(&timed.prior)?;
+    timed.times.push(steps(timed.filter.as_mut(), &Likelihood(|_: &P| 0.0), 1.0 / 30.0, 20)?);
     Ok(())
 }
 
@@ -160,7 +182,7 @@ fn stone_soup(python: &str, script: &str) -> Result<f64> {
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(rigid)?;
+    pool.install(beside_normals)?;
     let before = pool.install(bearing_range)?;
     println!("step, 1,000 particles, 4 states, bearing and range: {before:.1} us");
     if let [python, script] = arguments.as_slice() {

@@ -171,7 +171,9 @@ mod tests {
     fn noise_and_remainder_make_up_the_covariance() {
         let side = Matrix4::from_fn(|r, c| if r == c { 2.0 } else { 0.3 * (r as f64) - 0.2 * (c as f64) });
         let covariance = side * side.transpose();
-        for (parts, marginal) in [(vec![], false), (vec![], true), (vec![vec![1], vec![0]], false), (vec![vec![1], vec![0]], true)] {
+        for (parts, marginal) in
+            [(vec![], false), (vec![], true), (vec![vec![1], vec![0]], false), (vec![vec![1], vec![0]], true)]
+        {
             let mut diffusion = Diffusion::<Vector<4>>::new(Const, 2, &parts, marginal);
             diffusion.spread(&covariance);
             let columns = diffusion.columns();
