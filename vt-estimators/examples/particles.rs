@@ -63,8 +63,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         truth.push((time, place));
         modes.push((time, filter.mode().0.x));
     }
-    let off = modes.iter().zip(&truth).map(|(m, t)| (m.1 - t.1).abs()).fold(0.0, f64::max);
-    println!("largest distance of the mode from the truth: {off:.2} m");
+    let (pose, place) = (filter.pose(), truth[50].1);
+    println!(
+        "at the end: {:.2} ± {:.2} m, truth {place:.2} m",
+        pose.mean.0.x,
+        pose.covariance[(0, 0)].sqrt()
+    );
 
     let area = SVGBackend::new("particles.svg", (900, 500)).into_drawing_area();
     area.fill(&WHITE)?;

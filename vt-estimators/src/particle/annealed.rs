@@ -86,7 +86,7 @@ where
         z: &dyn Measurement<P>,
         a: Annealing,
     ) -> Result<(f64, u32), EstimateError> {
-        self.next.clone_from(&self.cloud);
+        self.next.copy_from(&self.cloud);
         likelihoods(z, &self.next.poses, &mut self.next.likelihoods)?;
         let columns = self.diffusion.columns();
         // The optimal length of random walks in many dimensions (Roberts, Gelman and Gilks 1997).
@@ -142,7 +142,7 @@ where
         let source = Source::new(p.seed, Stream::Move, p.target);
         let address = self.frame << 32 | round;
         let (next, spare) = (&mut self.next, &mut self.spare);
-        spare.clone_from(next);
+        spare.copy_from(next);
         spare.noise.par_chunks_mut(columns.max(1)).enumerate().for_each(|(chunk, noise)| {
             vt_core::batch::with_rows(columns, |steps| {
                 source.normal_rows(address, (chunk * LANES) as u32, steps);

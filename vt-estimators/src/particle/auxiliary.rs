@@ -24,7 +24,7 @@ where
     /// mean weights of both stages (Pitt 2002), which is unbiased.
     pub(super) fn look_ahead(&mut self, z: &dyn Measurement<P>) -> Result<(f64, u32), EstimateError> {
         let (now, next, spare) = (&self.cloud, &mut self.next, &mut self.spare);
-        spare.clone_from(now);
+        spare.copy_from(now);
         spare.follow(&self.diffusion, 0);
         likelihoods(z, &spare.poses, &mut spare.likelihoods)?;
         spare.logs.iter_mut().zip(&spare.likelihoods).for_each(|(w, l)| *w += l);

@@ -16,7 +16,7 @@ use super::diffusion::Diffusion;
 const BATCH: usize = 256;
 
 /// Particles. All lists have one entry each, but for those of paths, which not every method keeps.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Cloud<P, S> {
     pub states: Vec<S>,
     /// Those of `states`.
@@ -44,6 +44,18 @@ impl<P: Manifold, S: State<P>> Cloud<P, S>
 where
     DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
 {
+    /// Becomes a copy of `other` in the storage that it has.
+    pub fn copy_from(&mut self, other: &Self) {
+        let Self { states, poses, weights, logs, ahead, noise, likelihoods } = other;
+        self.states.clone_from(states);
+        self.poses.clone_from(poses);
+        self.weights.clone_from(weights);
+        self.logs.clone_from(logs);
+        self.ahead.clone_from(ahead);
+        self.noise.clone_from(noise);
+        self.likelihoods.clone_from(likelihoods);
+    }
+
     pub fn len(&self) -> usize {
         self.weights.len()
     }

@@ -27,8 +27,8 @@ where
     order: Vec<usize>,
     /// Number of columns that are drawn by the end of each part; the last is that of all.
     pub ends: Vec<usize>,
-    /// Coordinates of the pose in each part.
-    pub parts: Vec<Vec<usize>>,
+    /// Coordinates of the pose that are placed by the end of each part.
+    pub placed: Vec<Vec<usize>>,
     marginal: bool,
     remainder: Square<S>,
 }
@@ -42,8 +42,9 @@ where
         let all = size.value();
         let orders = if marginal || pose == 0 { 1 } else { all / pose };
         let parts = if parts.is_empty() { vec![(0..pose).collect()] } else { parts.to_vec() };
-        let (mut order, mut ends) = (vec![], vec![]);
-        for part in &parts {
+        let (mut order, mut ends, mut placed) = (vec![], vec![], vec![]);
+        for (k, part) in parts.iter().enumerate() {
+            placed.push(parts[..=k].concat());
             for derivative in 0..orders {
                 order.extend(part.iter().map(|k| derivative * pose + k));
             }
@@ -55,7 +56,7 @@ where
             order.clear();
         }
         let remainder = Square::<S>::zeros_generic(size, size);
-        Self { entries: vec![], size, order, ends, parts, marginal, remainder }
+        Self { entries: vec![], size, order, ends, placed, marginal, remainder }
     }
 
     /// Number of normal numbers a particle.

@@ -24,14 +24,13 @@ where
     pub(super) fn place_parts(&mut self, z: &dyn Measurement<P>) -> Result<(f64, u32), EstimateError> {
         let columns = self.diffusion.columns();
         let stages = self.diffusion.ends.len();
-        self.next.clone_from(&self.cloud);
+        self.next.copy_from(&self.cloud);
         let mut evidence = 0.0;
-        let mut known = vec![];
         for stage in 0..stages - 1 {
             let (next, placed) = (&mut self.next, self.diffusion.ends[stage]);
-            known.extend_from_slice(&self.diffusion.parts[stage]);
+            let known = &self.diffusion.placed[stage];
             next.follow(&self.diffusion, placed);
-            evaluate(&next.poses, &mut next.likelihoods, |poses, out| z.importances(poses, &known, out))?;
+            evaluate(&next.poses, &mut next.likelihoods, |poses, out| z.importances(poses, known, out))?;
             next.logs.iter_mut().zip(&next.likelihoods).for_each(|(w, g)| *w += g);
             evidence += next.normalize()?;
             let p = &self.params;
