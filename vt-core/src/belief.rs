@@ -75,6 +75,7 @@ where
     }
 
     /// True when the mean and every entry of the covariance are finite.
+    #[inline]
     pub fn is_finite(&self) -> bool {
         self.mean.is_finite() && math::all_finite(self.covariance.as_slice())
     }

@@ -7,22 +7,29 @@ use nalgebra::{Cholesky, DefaultAllocator, Dim, OMatrix};
 use vt_core::belief;
 use vt_core::manifold::{Alloc, AllocPair};
 
-/// `o += Σ_k f(c, k) v_k` for the columns `o` of `out`, number `c` each, and `v` of `from`, all of the length `rows`; where
-/// `lower` says so at least from row `c` on. Sums run in the order of `k`, whatever the instructions.
-#[inline(always)]
-fn add_columns<R: Dim, C: Dim>(
-    out: &mut [f64],
-    from: &[f64],
-    (rows, columns): (R, C),
-    lower: bool,
-    f: impl Fn(usize, usize) -> f64,
-) {
-    let rows = rows.value();
-    for (c, into) in out.chunks_exact_mut(rows.max(1)).enumerate() {
+/// `A ← A + s B Fᵀ`, where `F` has no more columns than `B`, with as many of them; `half` says that only the lower half of
+/// `A` is asked for. Sums run in the order of the columns.
+#[inline]
+pub(crate) fn add_product<R: Dim, C: Dim, N: Dim, A: Dim>(
+    a: &mut OMatrix<f64, R, N>,
+    s: f64,
+    b: &OMatrix<f64, R, C>,
+    f: &OMatrix<f64, N, A>,
+    half: bool,
+) where
+    DefaultAllocator: AllocPair<R, C> + AllocPair<N, A> + AllocPair<R, N>,
+{
+    let rows = b.nrows();
+    #[cfg(feature = "faer")]
+    if R::is::<nalgebra::Dyn>() && rows > crate::large::LARGE {
+        let sizes = [rows, f.ncols(), f.nrows()];
+        return crate::large::add_product(a.as_mut_slice(), s, b.as_slice(), f.as_slice(), sizes);
+    }
+    for (n, into) in a.as_mut_slice().chunks_exact_mut(rows.max(1)).enumerate() {
         // Whole vectors.
-        let first = if lower { c / 4 * 4 } else { 0 };
-        for (k, column) in from.chunks_exact(rows.max(1)).take(columns.value()).enumerate() {
-            let factor = f(c, k);
+        let first = if half { n / 4 * 4 } else { 0 };
+        for (k, column) in b.as_slice().chunks_exact(rows.max(1)).take(f.ncols()).enumerate() {
+            let factor = s * f[(n, k)];
             if factor != 0.0 {
                 into[first..].iter_mut().zip(&column[first..]).for_each(|(o, v)| *o += factor * v);
             }
@@ -46,49 +53,23 @@ pub(crate) fn times_transpose<R: Dim, C: Dim, N: Dim, A: Dim>(
 where
     DefaultAllocator: AllocPair<R, C> + AllocPair<N, A> + AllocPair<R, N>,
 {
-    #[cfg(feature = "faer")]
-    if R::is::<nalgebra::Dyn>() && p.nrows() > crate::large::LARGE {
-        let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
-        crate::large::times_transpose(
-            p.as_slice(),
-            f.as_slice(),
-            [p.nrows(), f.ncols(), f.nrows()],
-            out.as_mut_slice(),
-        );
-        return out;
-    }
     let mut out = OMatrix::<f64, R, N>::zeros_generic(p.shape_generic().0, f.shape_generic().0);
-    add_columns(
-        out.as_mut_slice(),
-        p.as_slice(),
-        (p.shape_generic().0, f.shape_generic().1),
-        false,
-        #[inline(always)]
-        |n, k| f[(n, k)],
-    );
+    add_product::<R, C, N, A>(&mut out, 1.0, p, f, false);
     out
 }
 
-/// `1 − K H`, with `H` acting on the leading coordinates.
-pub(crate) fn identity_minus<N: Dim, M: Dim, A: Dim>(
-    k: &OMatrix<f64, N, M>,
-    h: &OMatrix<f64, M, A>,
+/// `B Fᵀ` where that is known to be symmetric.
+pub(crate) fn symmetric_product<N: Dim, C: Dim>(
+    b: &OMatrix<f64, N, C>,
+    f: &OMatrix<f64, N, C>,
 ) -> OMatrix<f64, N, N>
 where
-    DefaultAllocator: AllocPair<N, M> + AllocPair<M, A>,
+    DefaultAllocator: AllocPair<N, C>,
 {
-    let dim = k.shape_generic().0;
-    let (n, leading) = (k.nrows(), h.ncols());
-    let mut out = OMatrix::<f64, N, N>::identity_generic(dim, dim);
-    let block = &mut out.as_mut_slice()[..n * leading];
-    add_columns(
-        block,
-        k.as_slice(),
-        (dim, h.shape_generic().0),
-        false,
-        #[inline(always)]
-        |c, m| -h[(m, c)],
-    );
+    let n = f.shape_generic().0;
+    let mut out = OMatrix::<f64, N, N>::zeros_generic(n, n);
+    add_product::<N, C, N, C>(&mut out, 1.0, b, f, true);
+    mirror(&mut out);
     out
 }
 
@@ -137,42 +118,8 @@ where
     }
 }
 
-/// `B Fᵀ` where that is known to be symmetric.
-pub(crate) fn symmetric_product<N: Dim, C: Dim>(
-    b: &OMatrix<f64, N, C>,
-    f: &OMatrix<f64, N, C>,
-) -> OMatrix<f64, N, N>
-where
-    DefaultAllocator: AllocPair<N, C>,
-{
-    let dim = f.shape_generic().0;
-    #[cfg(feature = "faer")]
-    if N::is::<nalgebra::Dyn>() && f.nrows() > crate::large::LARGE {
-        let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
-        crate::large::times_transpose(
-            b.as_slice(),
-            f.as_slice(),
-            [f.nrows(), f.ncols(), f.nrows()],
-            out.as_mut_slice(),
-        );
-        mirror(&mut out);
-        return out;
-    }
-    let mut out = OMatrix::<f64, N, N>::zeros_generic(dim, dim);
-    add_columns(
-        out.as_mut_slice(),
-        b.as_slice(),
-        f.shape_generic(),
-        true,
-        #[inline(always)]
-        |c, k| f[(c, k)],
-    );
-    mirror(&mut out);
-    out
-}
-
 /// Copies the lower half to the upper one.
-fn mirror<D: Dim>(m: &mut OMatrix<f64, D, D>)
+pub(crate) fn mirror<D: Dim>(m: &mut OMatrix<f64, D, D>)
 where
     DefaultAllocator: Alloc<D>,
 {

@@ -14,9 +14,7 @@ use vt_core::error::EstimateError;
 use vt_core::manifold::AllocPair;
 use vt_core::math;
 
-use crate::congruence::{
-    cholesky, congruence, divide_columns, identity_minus, symmetric_product, times_transpose,
-};
+use crate::congruence::{add_product, cholesky, divide_columns, mirror, symmetric_product, times_transpose};
 
 /// Gain of a measurement with `M` rows for a state with `N` coordinates.
 pub(crate) struct Gain<N: Dim, M: Dim>
@@ -25,6 +23,8 @@ where
 {
     /// `K`.
     pub gain: OMatrix<f64, N, M>,
+    /// `P Hᵀ`.
+    across: OMatrix<f64, N, M>,
     /// Factor of `S`.
     factor: Cholesky<f64, M>,
 }
@@ -52,9 +52,9 @@ where
             None => (0..s.nrows()).for_each(|k| s[(k, k)] += 1.0),
         }
         let factor = cholesky(s).ok_or(EstimateError::NotPositiveDefinite("the innovation's covariance"))?;
-        let mut gain = across;
+        let mut gain = across.clone();
         divide_columns(&mut gain, factor.l_dirty());
-        Ok(Self { gain, factor })
+        Ok(Self { gain, across, factor })
     }
 
     /// Takes out coordinates that are considered but not estimated: those where `considered` is not zero.
@@ -82,7 +82,7 @@ where
         (w.norm_squared(), log_det(l))
     }
 
-    /// `P⁺` for this gain.
+    /// `P⁺` for this gain, from the `P` and `H` that it was made of: with `A = (1 − KH) P` it is `A − (A Hᵀ − K R) Kᵀ`.
     pub fn joseph<A: Dim>(
         &self,
         p: &OMatrix<f64, N, N>,
@@ -92,13 +92,16 @@ where
     where
         DefaultAllocator: AllocPair<N, A> + AllocPair<M, A> + AllocPair<N, M>,
     {
-        let keep = identity_minus::<N, M, A>(&self.gain, h);
-        let mut covariance = congruence::<N, N>(&keep, p);
-        covariance += match noise {
-            Some(r) => congruence::<N, M>(&self.gain, r),
-            None => symmetric_product::<N, M>(&self.gain, &self.gain),
-        };
-        covariance
+        let mut a = p.clone();
+        add_product::<N, M, N, M>(&mut a, -1.0, &self.gain, &self.across, false);
+        let mut rest = times_transpose::<N, N, M, A>(&a, h);
+        match noise {
+            Some(r) => add_product::<N, M, M, M>(&mut rest, -1.0, &self.gain, r, false),
+            None => rest -= &self.gain,
+        }
+        add_product::<N, M, N, M>(&mut a, -1.0, &rest, &self.gain, true);
+        mirror(&mut a);
+        a
     }
 }
 

@@ -10,13 +10,14 @@ use faer::{Accum, MatMut, MatRef, Par, Side};
 /// More coordinates than this are large.
 pub(crate) const LARGE: usize = 60;
 
-/// `P Fᵀ` with the first columns of `P`, all by columns; `sizes` are the rows of `P`, the columns and the rows of `F`.
-pub(crate) fn times_transpose(p: &[f64], f: &[f64], sizes: [usize; 3], out: &mut [f64]) {
+/// `A ← A + s B Fᵀ` with the first columns of `B`, all by columns; `sizes` are the rows of `B`, the columns and the rows of
+/// `F`.
+pub(crate) fn add_product(a: &mut [f64], s: f64, b: &[f64], f: &[f64], sizes: [usize; 3]) {
     let [rows, columns, n] = sizes;
-    let p = MatRef::from_column_major_slice(&p[..rows * columns], rows, columns);
+    let b = MatRef::from_column_major_slice(&b[..rows * columns], rows, columns);
     let f = MatRef::from_column_major_slice(f, n, columns);
-    let out = MatMut::from_column_major_slice_mut(out, rows, n);
-    matmul(out, Accum::Replace, p, f.transpose(), 1.0, Par::Seq);
+    let a = MatMut::from_column_major_slice_mut(a, rows, n);
+    matmul(a, Accum::Add, b, f.transpose(), s, Par::Seq);
 }
 
 /// Replaces the lower triangle of an `n × n` matrix by its Cholesky factor; false unless it is finite and positive definite.
