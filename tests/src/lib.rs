@@ -2,6 +2,7 @@
 
 pub mod basin;
 pub mod data;
+pub mod estimators;
 pub mod logistic;
 pub mod monte_carlo;
 pub mod replay;

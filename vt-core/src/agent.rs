@@ -5,6 +5,7 @@ use core::ops::ControlFlow;
 
 use nalgebra::{DefaultAllocator, OMatrix, Point2, U2};
 
+use crate::batch::Row;
 use crate::belief::Gaussian;
 use crate::error::{DeviceError, EstimateError, MeasureError};
 use crate::evidence::{Evidence, EvidenceKey};
@@ -115,6 +116,19 @@ where
 {
     /// The state after `dt` without noise (Eq. 8).
     fn propagate(&self, state: &S, dt: Seconds) -> S;
+
+    /// [`Dynamics::propagate`] of up to [`crate::batch::LANES`] states, in place.
+    fn propagate_each(&self, states: &mut [S], dt: Seconds) {
+        for state in states {
+            *state = self.propagate(state, dt);
+        }
+    }
+
+    /// `f(s) ⊞ w` of up to [`crate::batch::LANES`] states, in place; row `r` of `noise` holds coordinate `r` of all `w`.
+    fn disturb_each(&self, states: &mut [S], dt: Seconds, noise: &[Row]) {
+        self.propagate_each(states, dt);
+        S::retract_each(states, |s| s, noise);
+    }
 
     /// `F = ∂f/∂s` at `state`, between the charts at `state` and at the propagated state (Eq. 9).
     /// By central differences unless overridden.

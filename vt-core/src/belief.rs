@@ -2,6 +2,7 @@
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
+use crate::batch::Row;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::math;
 
@@ -74,8 +75,9 @@ where
     }
 
     /// True when the mean and every entry of the covariance are finite.
+    #[inline]
     pub fn is_finite(&self) -> bool {
-        self.mean.is_finite() && self.covariance.iter().all(|v| v.is_finite())
+        self.mean.is_finite() && math::all_finite(self.covariance.as_slice())
     }
 }
 
@@ -84,7 +86,7 @@ pub fn cholesky<D: Dim>(m: nalgebra::OMatrix<f64, D, D>) -> Option<Cholesky<f64,
 where
     DefaultAllocator: Alloc<D>,
 {
-    if m.iter().any(|v| !v.is_finite()) {
+    if !math::all_finite(m.as_slice()) {
         return None;
     }
     Cholesky::new(m)
@@ -156,6 +158,7 @@ where
     DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
 {
     type D = DimSum<P::D, P::D>;
+    const FLAT: bool = P::FLAT;
 
     fn dim(&self) -> Self::D {
         self.pose.dim().add(self.pose.dim())
@@ -193,6 +196,21 @@ where
         j
     }
 
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.velocity.iter().fold(0.0, |sum, v| sum + v * 0.0) == 0.0
+    }
+
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        let n = states.first_mut().map_or(1, |s| point(s).velocity.len().max(1));
+        for d in d.chunks_exact(2 * n) {
+            P::retract_each(states, |s| &mut point(s).pose, &d[..n]);
+            for (k, state) in states.iter_mut().enumerate() {
+                let x = point(state);
+                x.velocity.iter_mut().zip(&d[n..]).for_each(|(v, row)| *v += row[k]);
+            }
+        }
+    }
+
     fn blocks(&self) -> Vec<(String, usize)> {
         let pose = self.pose.blocks();
         let velocity = pose.iter().map(|(name, n)| (format!("velocity of {name}"), *n)).collect();
@@ -225,6 +243,44 @@ where
             }
         }
         Gaussian { mean, covariance }
+    }
+}
+
+/// A state whose leading tangent coordinates are those of a smaller state `S`, such as a pose with a velocity and the
+/// pose alone: what estimators of unlike states exchange.
+pub trait Extends<S: Manifold>: Manifold
+where
+    DefaultAllocator: Alloc<S::D> + Alloc<Self::D>,
+{
+    /// The smaller state.
+    fn part(&self) -> S;
+
+    /// This state with the smaller one replaced.
+    fn with_part(&self, part: &S) -> Self;
+}
+
+impl<S: Manifold> Extends<S> for S
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn part(&self) -> S {
+        self.clone()
+    }
+    fn with_part(&self, part: &S) -> Self {
+        part.clone()
+    }
+}
+
+impl<P: Manifold> Extends<P> for Moving<P>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    fn part(&self) -> P {
+        self.pose.clone()
+    }
+    fn with_part(&self, part: &P) -> Self {
+        Self { pose: part.clone(), velocity: self.velocity.clone() }
     }
 }
 

@@ -104,6 +104,18 @@ pub enum EstimateError {
         /// Space that fits.
         expected: &'static str,
     },
+    /// A combination that has no meaning or no implementation.
+    #[error("not supported: {0}")]
+    Unsupported(&'static str),
+    /// A measurement older than what is remembered.
+    #[error("a measurement comes {seconds} s too late")]
+    TooLate {
+        /// Time by which it is too old, or its age.
+        seconds: f64,
+    },
+    /// A parameter of the estimator is out of its range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// A particle filter without particles.
     #[error("no particles")]
     NoParticles,

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod agent;
+pub mod batch;
 pub mod belief;
 pub mod dynamics;
 pub mod error;
@@ -14,6 +15,7 @@ pub mod lie;
 pub mod manifold;
 pub mod math;
 pub mod measurement;
+pub mod measurement_model;
 pub mod metrics;
 pub mod pose_measurement;
 pub mod random;

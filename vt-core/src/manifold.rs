@@ -3,37 +3,48 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, Dyn, OMatrix, OVector, U1, U2, U3};
 
+use crate::batch::Row;
+
 /// All storage that the algorithms of this project ask for in dimension `D`; one bound instead of ten.
 pub trait Alloc<D: Dim>:
     Allocator<D, Buffer<f64>: Send + Sync>
     + Allocator<D, D, Buffer<f64>: Send + Sync>
-    + Allocator<U1, D>
+    + Allocator<U1, D, Buffer<f64>: Send + Sync>
     + Allocator<U2, D, Buffer<f64>: Send + Sync>
-    + Allocator<D, U1>
+    + Allocator<D, U1, Buffer<f64>: Send + Sync>
     + Allocator<D, U2>
     + Allocator<U3, D>
-    + Allocator<Dyn, D>
-    + Allocator<D, Dyn>
+    + Allocator<Dyn, D, Buffer<f64>: Send + Sync>
+    + Allocator<D, Dyn, Buffer<f64>: Send + Sync>
 {
 }
 
 impl<D: Dim, A> Alloc<D> for A where
     A: Allocator<D, Buffer<f64>: Send + Sync>
         + Allocator<D, D, Buffer<f64>: Send + Sync>
-        + Allocator<U1, D>
+        + Allocator<U1, D, Buffer<f64>: Send + Sync>
         + Allocator<U2, D, Buffer<f64>: Send + Sync>
-        + Allocator<D, U1>
+        + Allocator<D, U1, Buffer<f64>: Send + Sync>
         + Allocator<D, U2>
         + Allocator<U3, D>
-        + Allocator<Dyn, D>
-        + Allocator<D, Dyn>
+        + Allocator<Dyn, D, Buffer<f64>: Send + Sync>
+        + Allocator<D, Dyn, Buffer<f64>: Send + Sync>
 {
 }
 
 /// Storage for maps between spaces of dimensions `A` and `B`, such as a Kalman gain.
-pub trait AllocPair<A: Dim, B: Dim>: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+pub trait AllocPair<A: Dim, B: Dim>:
+    Alloc<A> + Alloc<B> + Allocator<A, B, Buffer<f64>: Send + Sync> + Allocator<B, A, Buffer<f64>: Send + Sync>
+{
+}
 
-impl<A: Dim, B: Dim, T> AllocPair<A, B> for T where T: Alloc<A> + Alloc<B> + Allocator<A, B> + Allocator<B, A> {}
+impl<A: Dim, B: Dim, T> AllocPair<A, B> for T where
+    T: Alloc<A>
+        + Alloc<B>
+        + Allocator<A, B, Buffer<f64>: Send + Sync>
+        + Allocator<B, A, Buffer<f64>: Send + Sync>
+{
+}
 
 /// A tangent vector of the manifold `M`.
 pub type Tangent<M> = OVector<f64, <M as Manifold>::D>;
@@ -54,6 +65,10 @@ where
 {
     /// Dimension of the tangent space; `Dyn` where it is known at run time only.
     type D: Dim;
+
+    /// True where `retract` adds coordinates and `local` subtracts them: both Jacobians are the identity, and
+    /// estimators leave them out.
+    const FLAT: bool = false;
 
     /// Dimension of the tangent space at this point.
     fn dim(&self) -> Self::D;
@@ -88,7 +103,38 @@ where
 
     /// True when every coordinate is finite.
     fn is_finite(&self) -> bool {
-        self.local(self).iter().all(|v| v.is_finite())
+        crate::math::all_finite(self.local(self).as_slice())
+    }
+
+    /// `x_k ← x_k ⊞ d_k` for the points inside up to [`crate::batch::LANES`] states; row `r` of `d` holds coordinate `r` of
+    /// all tangent vectors. Where `d` has rows for several vectors, `x_k ⊞ d_k ⊞ d'_k …`. Spaces on which many hypotheses
+    /// move override it by vector instructions, bit for bit the same as [`Manifold::retract`].
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        for (k, state) in states.iter_mut().enumerate() {
+            let x = point(state);
+            let n = x.dim();
+            for d in d.chunks_exact(n.value().max(1)) {
+                let step = OVector::from_fn_generic(n, U1, |r, _| d[r][k]);
+                *x = x.retract(&step);
+            }
+        }
+    }
+
+    /// [`Manifold::local`], to rounding, of up to [`crate::batch::LANES`] points: row `r` of `out` gets coordinate `r` of all tangent
+    /// vectors, and zero beyond the points.
+    fn local_each(&self, points: &[Self], out: &mut [Row]) {
+        for (k, point) in points.iter().enumerate() {
+            let d = self.local(point);
+            out.iter_mut().zip(&d).for_each(|(row, v)| row[k] = *v);
+        }
+        out.iter_mut().for_each(|row| row[points.len()..].fill(0.0));
+    }
+
+    /// A point near the mean of points with these weights, from which to start iterations: by default the heaviest one.
+    /// `None` without points.
+    fn centre(points: &[Self], weights: &[f64]) -> Option<Self> {
+        let (heaviest, _) = weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        points.get(heaviest).cloned()
     }
 
     /// Weighted mean of points on the manifold (Karcher): the point at which the weighted tangent vectors to all
@@ -123,8 +169,21 @@ pub(crate) fn differences<D: Dim>(n: D, f: impl Fn(&OVector<f64, D>) -> OVector<
 where
     DefaultAllocator: Alloc<D>,
 {
+    differences_between(n, n, f, |ahead, behind| ahead - behind)
+}
+
+/// The same between spaces of dimensions `n` and `m`, for values that `subtract` compares (angles wrap).
+pub(crate) fn differences_between<N: Dim, M: Dim>(
+    n: N,
+    m: M,
+    f: impl Fn(&OVector<f64, N>) -> OVector<f64, M>,
+    subtract: impl Fn(&OVector<f64, M>, &OVector<f64, M>) -> OVector<f64, M>,
+) -> OMatrix<f64, M, N>
+where
+    DefaultAllocator: AllocPair<N, M>,
+{
     const H: f64 = 1e-6;
-    let mut j = OMatrix::zeros_generic(n, n);
+    let mut j = OMatrix::zeros_generic(m, n);
     let mut e = OVector::zeros_generic(n, U1);
     for k in 0..n.value() {
         e[k] = H;
@@ -132,7 +191,7 @@ where
         e[k] = -H;
         let behind = f(&e);
         e[k] = 0.0;
-        j.set_column(k, &((ahead - behind) / (2.0 * H)));
+        j.set_column(k, &(subtract(&ahead, &behind) / (2.0 * H)));
     }
     j
 }

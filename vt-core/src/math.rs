@@ -8,7 +8,15 @@ mod gamma;
 mod normal;
 
 pub use gamma::{chi_square_cdf, chi_square_quantile, chi_square_survival, gamma_p, gamma_q, ln_gamma};
+pub(crate) use normal::normal_pair;
 pub use normal::{normal_cdf, normal_quantile};
+
+/// True when no value is NaN or infinite. Without an early exit, so that it runs on whole vectors.
+#[inline]
+pub fn all_finite(values: &[f64]) -> bool {
+    const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
+    !values.iter().fold(false, |bad, v| bad | (v.to_bits() & EXPONENT == EXPONENT))
+}
 
 /// Sine of an angle in radians.
 #[inline]
@@ -65,23 +73,32 @@ pub fn exp(x: f64) -> f64 {
 }
 
 /// Exponential with a relative error below 1e-10 and no table, for likelihoods in inner loops; 0 below -708.
-#[inline]
+#[inline(always)]
 pub fn exp_fast(x: f64) -> f64 {
-    if x < -708.0 {
-        return 0.0;
-    }
+    let underflows = x < -708.0;
     // x = k ln 2 + r with |r| ≤ ln 2 / 2; the polynomial is the Taylor series of exp on that interval.
     let x = x.clamp(-708.0, 709.0);
     // Adding 1.5·2⁵² rounds to the nearest integer without a call.
     const ROUND: f64 = 6_755_399_441_055_744.0;
-    let k = (x * core::f64::consts::LOG2_E + ROUND) - ROUND;
+    let rounded = x * core::f64::consts::LOG2_E + ROUND;
+    let k = rounded - ROUND;
     let r = (x - k * 6.931_471_803_691_238e-1) - k * 1.908_214_929_270_587_7e-10;
     let r2 = r * r;
     let low = 1.0 + r + r2 * (0.5 + r * (1.0 / 6.0));
     let middle = 1.0 / 24.0 + r * (1.0 / 120.0) + r2 * (1.0 / 720.0 + r * (1.0 / 5040.0));
     let high = 1.0 / 40_320.0 + r * (1.0 / 362_880.0);
     let polynomial = low + r2 * r2 * (middle + r2 * r2 * high);
-    polynomial * f64::from_bits(((k as i64 + 1023) as u64) << 52)
+    // The integer is in the last bits of `rounded`, and what is before it falls off the end.
+    let power = f64::from_bits((rounded.to_bits() << 52).wrapping_add(1023 << 52));
+    if underflows { 0.0 } else { polynomial * power }
+}
+
+/// [`exp_fast`] of all `x`, in place.
+pub fn exp_all(x: &mut [f64]) {
+    crate::batch::vectorized(
+        #[inline(always)]
+        || x.iter_mut().for_each(|x| *x = exp_fast(*x)),
+    );
 }
 
 /// `exp(x) - 1`, accurate near zero.
@@ -189,6 +206,10 @@ mod tests {
             let x = f64::from(k) * 0.01 + 0.003;
             assert!((exp_fast(x) / exp(x) - 1.0).abs() < 1e-10, "{x}");
         }
+        let many: Vec<f64> = (-3000..3000).map(|k| f64::from(k) * 0.31).collect();
+        let mut powers = many.clone();
+        exp_all(&mut powers);
+        assert!(powers.iter().zip(&many).all(|(p, x)| *p == exp_fast(*x)));
         assert_eq!(exp_fast(0.0), 1.0);
         assert_eq!(exp_fast(-1e9), 0.0);
         assert!(exp_fast(1e9).is_finite() && exp_fast(f64::NAN).is_nan());

@@ -31,12 +31,31 @@ where
     /// `ln P(z|p)` up to a constant for a batch of hypotheses; `out` has the length of `poses`.
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]);
 
+    /// `ln g(p)` of poses of which the tangent coordinates `placed` are drawn and the others only predicted, for
+    /// estimators that place articulated bodies part after part. Any positive function is right; the better it is
+    /// proportional to `P(z|p)` over all values of the others, the fewer hypotheses are lost.
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
+        let _ = placed;
+        self.log_likelihoods(poses, out);
+    }
+
     /// Residuals `observed − predicted` at `at` with Jacobians of the prediction; replaces the content of `out`.
     /// The number of rows may differ from call to call.
     fn residuals(&self, at: &P, out: &mut Linearized<P>);
 
     /// Normal equations of the data term at `at` (never of a prior); replaces the content of `out`.
     fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>);
+
+    /// Residuals in units of their noise, `R^(-1/2) (z − h(p))`, for every pose of the batch, one pose after the other;
+    /// replaces the content of `out` and returns the number of rows of a pose.
+    ///
+    /// This is the way of estimators that need `h` itself and not its derivative (sigma points). It exists where the
+    /// rows are the same for every pose and their noise is Gaussian; `None`, the default, where they are not (matches
+    /// that depend on the pose, robust weights): such estimators then linearise as the others do.
+    fn normalized_residuals(&self, poses: &[P], out: &mut Vec<f64>) -> Option<usize> {
+        let _ = (poses, out);
+        None
+    }
 
     /// How well the data support the pose `at`.
     fn quality(&self, at: &P) -> Quality;

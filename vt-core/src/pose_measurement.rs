@@ -85,6 +85,14 @@ where
         out.rows = (0..self.root.ncols()).filter(|&k| self.root[(k, k)] != 0.0).count();
     }
 
+    fn normalized_residuals(&self, poses: &[P], out: &mut Vec<f64>) -> Option<usize> {
+        out.clear();
+        for pose in poses {
+            out.extend(self.root.tr_mul(&self.pose.local(pose)).iter().map(|e| -e));
+        }
+        Some(self.root.ncols())
+    }
+
     fn quality(&self, _: &P) -> Quality {
         self.quality
     }

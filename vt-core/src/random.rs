@@ -17,6 +17,7 @@
 //! assert_eq!((x, y), (again.normal(), again.normal()));
 //! ```
 
+use crate::batch::{LANES, Row, vectorized};
 use crate::math;
 
 /// What random numbers are for; different uses never share numbers.
@@ -30,6 +31,10 @@ pub enum Stream {
     Reinit = 2,
     /// Simulated scenes and sensors.
     Sim = 3,
+    /// Moves of particles within a correction.
+    Move = 4,
+    /// Roughening of particles.
+    Roughen = 5,
 }
 
 /// All random numbers of one use by one target.
@@ -50,6 +55,36 @@ impl Source {
     /// The numbers of one particle (0 where there are no particles) in one frame, from the first draw on.
     pub fn at(&self, frame: u64, particle: u32) -> Random {
         Random { key: self.key, frame, particle, draw: 0, block: [0; 2] }
+    }
+
+    /// Standard normal numbers of [`LANES`] particles from the particle `first` on: the lanes of row `r` hold number `r` of
+    /// each. A fixed function of the address, several times faster than [`Random::normal`], and other numbers.
+    ///
+    /// By the transformation of Box and Muller (1958) from 32 bits each for radius and angle: distinct magnitudes up to
+    /// 6.7, each to about one part in 10⁸.
+    pub fn normal_rows(&self, frame: u64, first: u32, rows: &mut [Row]) {
+        // Under another key than the numbers of `at`.
+        let key = [self.key[0] ^ 0x524F_5753, self.key[1]];
+        for (block, rows) in rows.chunks_mut(4).enumerate() {
+            let mut bits = [[0; LANES]; 4];
+            vectorized(
+                #[inline(always)]
+                || {
+                    for (k, particle) in (0..LANES).zip(first..) {
+                        let counter = [block as u32, particle, frame as u32, (frame >> 32) as u32];
+                        let [a, b, c, d] = philox(counter, key);
+                        [bits[0][k], bits[1][k], bits[2][k], bits[3][k]] = [a, b, c, d];
+                    }
+                    for (rows, bits) in rows.chunks_mut(2).zip(bits.chunks(2)) {
+                        let mut pair = [[0.0; LANES]; 2];
+                        for k in 0..LANES {
+                            [pair[0][k], pair[1][k]] = math::normal_pair(bits[0][k], bits[1][k]);
+                        }
+                        rows.copy_from_slice(&pair[..rows.len()]);
+                    }
+                },
+            );
+        }
     }
 }
 
@@ -116,13 +151,13 @@ impl Random {
 }
 
 /// Low and high half.
-#[inline]
+#[inline(always)]
 fn halves(x: u64) -> [u32; 2] {
     [x as u32, (x >> 32) as u32]
 }
 
 /// One block of Philox 4×32-10.
-#[inline]
+#[inline(always)]
 fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..10 {
         let [lo0, hi0] = halves(0xD251_1F53 * u64::from(counter[0]));
@@ -204,6 +239,65 @@ mod tests {
             assert!((m - mean).abs() < sd * f64::sqrt(variance), "normal moment {}: {m}", k + 1);
         }
         assert!((tail as f64 - 0.0026998 * N as f64).abs() < 5.0 * (0.0027 * N as f64).sqrt(), "{tail}");
+    }
+
+    /// Moments, tails, independence of rows and lanes; the formula itself is tested beside it.
+    #[test]
+    fn rows_are_standard_normal_and_independent() {
+        const FRAMES: u64 = 2000;
+        let source = Source::new(9, Stream::Predict, 4);
+        let count = (FRAMES as usize * LANES * 7) as f64;
+        let (mut sums, mut tails) = ([0.0; 4], [0_u32; 3]);
+        let mut products = [[0.0; 7]; 7];
+        let mut neighbours = 0.0;
+        for frame in 0..FRAMES {
+            let mut rows = [[0.0; LANES]; 7];
+            source.normal_rows(frame, 64, &mut rows);
+            for x in rows.iter().flatten() {
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    *sum += (0..k).fold(*x, |p, _| p * x) / count;
+                }
+                for (tail, bound) in tails.iter_mut().zip([1.0, 2.0, 3.0]) {
+                    *tail += u32::from(x.abs() > bound);
+                }
+            }
+            for (a, products) in rows.iter().zip(&mut products) {
+                rows.iter().zip(products).for_each(|(b, sum)| *sum += crate::batch::dot(a, b));
+                neighbours += a.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
+            }
+        }
+        // Five standard errors each.
+        let error = 5.0 / count.sqrt();
+        for (sum, (mean, variance)) in sums.iter().zip([(0.0, 1.0), (1.0, 2.0), (0.0, 15.0), (3.0, 96.0_f64)])
+        {
+            assert!((sum - mean).abs() < error * variance.sqrt(), "{sums:?}");
+        }
+        for (tail, bound) in tails.iter().zip([1.0, 2.0, 3.0]) {
+            let p = 2.0 * math::normal_cdf(-bound);
+            assert!((f64::from(*tail) / count - p).abs() < error * p.sqrt(), "{tail} beyond {bound}");
+        }
+        let n = FRAMES as f64 * LANES as f64;
+        for (r, row) in products.iter().enumerate() {
+            for (c, sum) in row.iter().enumerate().filter(|(c, _)| *c != r) {
+                assert!(sum.abs() < 5.0 * n.sqrt(), "rows {r} and {c}: {}", sum / n);
+            }
+        }
+        assert!(neighbours.abs() < 5.0 * count.sqrt(), "{neighbours}");
+    }
+
+    #[test]
+    fn rows_depend_on_the_address_alone() {
+        let source = Source::new(1, Stream::Predict, 0);
+        let rows = |first, count| {
+            let mut rows = vec![[0.0; LANES]; count];
+            source.normal_rows(3, first, &mut rows);
+            rows
+        };
+        let (at, shifted, few) = (rows(0, 6), rows(10, 6), rows(0, 3));
+        for r in 0..6 {
+            assert_eq!(at[r][10..], shifted[r][..LANES - 10]);
+        }
+        assert_eq!(at[..3], few[..]);
     }
 
     #[test]

@@ -1,14 +1,21 @@
 //! The law harness on all spaces, models and measurements of this crate, and on models of users.
 
-use nalgebra::{DVector, Matrix2, Matrix6, Point2, Point3, SMatrix, Vector1, Vector2, Vector3, Vector6};
+use nalgebra::{
+    DMatrix, DVector, Matrix2, Matrix6, Point2, Point3, SMatrix, Vector1, Vector2, Vector3, Vector6,
+};
 use proptest::prelude::*;
 use vt_core::agent::{Dynamics, Posed, Warp};
 use vt_core::belief::{Accelerating, Moving};
-use vt_core::dynamics::{Brownian, ConstantAcceleration, ConstantVelocity, Custom};
+use vt_core::dynamics::{
+    Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, CoordinatedTurn, Custom,
+    DiscreteWhiteAcceleration, LinearRate, LinearStep, OrnsteinUhlenbeck, Singer,
+};
+use vt_core::error::EstimateError;
 use vt_core::laws::{self, Dual64, MeasurementTolerance, group, proptest};
 use vt_core::lie::{DynVector, LieGroup, Product, SE2, SE3, SO2, SO3, Sim3, Vector};
 use vt_core::manifold::{Manifold, Square, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
+use vt_core::measurement_model::{Angular, Function, Instrument, Linear, MeasurementModel};
 use vt_core::pose_measurement::PoseMeasurement;
 use vt_core::robust::Robust;
 use vt_core::time::Seconds;
@@ -160,6 +167,95 @@ dynamics_laws!(
     },
     group::<Vector<2>>(1.0)
 );
+
+dynamics_laws!(ou_se3: OrnsteinUhlenbeck::<SE3>::new(Seconds(0.7), density()).expect("valid"), moving(), composes = 1e-8);
+dynamics_laws!(singer_se3: Singer::<SE3>::new(Seconds(0.7), density()).expect("valid"), accelerating(), composes = 1e-4);
+dynamics_laws!(camera_se3: CameraVelocity::<SE3>::new(density()).expect("valid"), moving(), composes = 1e-8);
+dynamics_laws!(dwna_se3: DiscreteWhiteAcceleration::<SE3>::new(density()).expect("valid"), moving());
+dynamics_laws!(
+    singer_flat: Singer::<DynVector>::new(Seconds(0.3), DVector::repeat(2, 1.3)).expect("valid"),
+    numbers(6).prop_map(|d| Accelerating {
+        pose: DynVector(d.rows(0, 2).into_owned()),
+        velocity: d.rows(2, 2).into_owned(),
+        acceleration: d.rows(4, 2).into_owned(),
+    }),
+    composes = 1e-12
+);
+dynamics_laws!(
+    ou_flat: OrnsteinUhlenbeck::<DynVector>::new(Seconds(0.3), DVector::repeat(2, 1.3)).expect("valid"),
+    numbers(4).prop_map(|d| Moving { pose: DynVector(d.rows(0, 2).into_owned()), velocity: d.rows(2, 2).into_owned() }),
+    composes = 1e-12
+);
+dynamics_laws!(
+    turn: CoordinatedTurn::new(0.5, 0.1).expect("valid"),
+    (group::<Vector<5>>(2.0), 0_usize..4).prop_map(|(mut s, k)| {
+        // Straight on, nearly so, and turning fast.
+        s.0[4] *= [0.0, 1e-9, 1.0, 3.0][k];
+        s
+    }),
+    composes = 1e-10
+);
+dynamics_laws!(
+    rate: LinearRate::new(
+        SMatrix::<f64, 3, 3>::new(-0.5, 2.0, 0.3, -2.0, 0.1, 1.0, 0.0, 0.4, -3.0),
+        SMatrix::<f64, 3, 3>::new(1.0, 0.2, 0.0, 0.2, 0.5, 0.1, 0.0, 0.1, 0.3),
+    )
+    .expect("valid"),
+    group::<Vector<3>>(2.0),
+    composes = 1e-12
+);
+
+/// A step is a step: no law of zero time, but `F` and `Q` are what was given.
+#[test]
+fn linear_steps_are_their_matrices() {
+    let (f, q) = (Matrix2::new(1.0, 0.1, 0.0, 1.0), Matrix2::new(0.2, 0.1, 0.1, 0.3));
+    let model = LinearStep::new(f, q).expect("valid");
+    let x = Vector(Vector2::new(1.0, 2.0));
+    assert_eq!(Dynamics::<Vector<2>>::jacobian(&model, &x, Seconds(7.0)), f);
+    assert_eq!(Dynamics::<Vector<2>>::noise(&model, &x, Seconds(7.0)), q);
+    assert_eq!(model.propagate(&x, Seconds(7.0)).0, f * x.0);
+    assert!(LinearStep::new(f, -q).is_err() && LinearStep::new(f * f64::NAN, q).is_err());
+    assert!(LinearRate::new(DMatrix::<f64>::zeros(2, 2), DMatrix::zeros(3, 3)).is_err());
+}
+
+fn bearing() -> Instrument<Vector<4>, impl MeasurementModel<Vector<4>, M = nalgebra::Const<2>>> {
+    let h = Function(|s: &Vector<4>| {
+        Vector2::new(math::atan2(s.0[1], s.0[0] - 9.0), math::hypot(s.0[1], s.0[0] - 9.0))
+    });
+    Instrument::new(Angular::new(h, [0]), Matrix2::new(0.02, 0.01, 0.01, 0.3)).expect("a covariance")
+}
+measurement_laws!(bearing_and_range: bearing().read(Vector2::new(3.0, 8.0)).expect("finite"), group::<Vector<4>>(2.0));
+measurement_laws!(
+    robust_readings: {
+        let h = Linear(SMatrix::<f64, 2, 3>::new(1.0, 2.0, 0.0, -1.0, 0.3, 0.8));
+        let noise = Matrix2::new(0.2, 0.05, 0.05, 0.1);
+        Instrument::robust(h, noise, Robust::Cauchy(2.0)).expect("valid").read(Vector2::new(1.0, -2.0)).expect("finite")
+    },
+    group::<Vector<3>>(2.0)
+);
+
+#[test]
+fn readings_are_checked() {
+    let h = || Linear(SMatrix::<f64, 2, 3>::zeros());
+    for bad in [Matrix2::zeros(), -Matrix2::identity(), Matrix2::new(1.0, 0.5, 0.0, 1.0)] {
+        assert!(matches!(
+            Instrument::<Vector<3>, _>::new(h(), bad),
+            Err(EstimateError::NotPositiveDefinite(_))
+        ));
+    }
+    assert!(matches!(
+        Instrument::<Vector<3>, _>::new(h(), Matrix2::repeat(f64::NAN)),
+        Err(EstimateError::NotFinite(_))
+    ));
+    let fit = Instrument::<Vector<3>, _>::new(h(), Matrix2::identity()).expect("valid");
+    assert!(matches!(fit.read(Vector2::new(f64::INFINITY, 0.0)), Err(EstimateError::NotFinite(_))));
+    let any = Instrument::<DynVector, _>::new(Linear(DMatrix::zeros(2, 3)), DMatrix::identity(2, 2))
+        .expect("valid");
+    assert!(matches!(
+        any.read(DVector::zeros(3)),
+        Err(EstimateError::Dimension { found: 3, expected: 2, .. })
+    ));
+}
 
 /// A pinhole camera, as a user would write it.
 struct CustomPinhole {

@@ -1,22 +1,31 @@
-//! Kalman filters on manifolds, in error-state form: extended and iterated.
+//! Kalman filters on manifolds, in error-state form: extended and iterated, with the covariance in Joseph's form.
 
-use nalgebra::DefaultAllocator;
+use nalgebra::{DefaultAllocator, Dim};
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
 use vt_core::error::EstimateError;
-use vt_core::manifold::{Alloc, AllocPair, Manifold, Tangent};
+use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::measurement::Measurement;
-use vt_core::report::Innovation;
+use vt_core::measurement_model::{MeasurementModel, Reading};
+use vt_core::report::{Innovation, StopReason};
+use vt_core::robust::Robust;
 use vt_core::time::Seconds;
 
-use crate::map::maximum_a_posteriori;
-use crate::prior::at_rest;
+use crate::congruence::congruence;
+use crate::gain::Gain;
+use crate::gaussian_filter::{GaussianFilter, linear_prediction};
+use crate::map::{maximum_a_posteriori, reset};
+use crate::prior::{at_rest, checked};
 
 /// Kalman filter for a state `S` with a pose `P` under the dynamics `M`.
 ///
 /// One iteration a correction linearises at the prediction (extended filter: the *loose* mode, with object-level
 /// measurements); more iterations find the maximum a posteriori of prior and data together (iterated filter: the
 /// *tight* mode, with feature-level measurements).
+///
+/// [`Estimator::correct`] takes any measurement of the pose by its normal equations; [`KalmanFilter::update`] takes a
+/// [`Reading`] by its `H` and `R`, which is faster. Both give the same posterior.
+#[derive(Clone)]
 pub struct KalmanFilter<P, S, M>
 where
     P: Manifold,
@@ -27,6 +36,8 @@ where
     dynamics: M,
     rest: Vec<Tangent<P>>,
     iterations: u32,
+    considered: Option<Tangent<S>>,
+    noise_factor: f64,
 }
 
 impl<P, S, M> KalmanFilter<P, S, M>
@@ -47,13 +58,161 @@ where
         dynamics: M,
         iterations: u32,
     ) -> Result<Self, EstimateError> {
-        Ok(Self { belief: at_rest(prior, &rest)?, dynamics, rest, iterations })
+        let belief = at_rest(prior, &rest)?;
+        Ok(Self { belief, dynamics, rest, iterations, considered: None, noise_factor: 1.0 })
+    }
+
+    /// An extended filter that starts at a belief over the whole state; resets start at rest with deviations of zero.
+    ///
+    /// # Errors
+    /// When the belief is not finite or not positive semi-definite.
+    pub fn from_belief(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
+        let belief = checked(belief)?;
+        Ok(Self { belief, dynamics, rest: vec![], iterations: 1, considered: None, noise_factor: 1.0 })
+    }
+
+    /// The same filter with at most so many linearisations a correction.
+    #[must_use]
+    pub fn iterated(self, iterations: u32) -> Self {
+        Self { iterations, ..self }
+    }
+
+    /// The same filter with coordinates that are considered but not estimated: those where `considered` is not zero
+    /// (Schmidt 1966). Their uncertainty enters every update, and no update moves them or lessens it. It holds for
+    /// [`Self::update`]; `correct` refuses, since it solves for all coordinates at once.
+    #[must_use]
+    pub fn considering(self, considered: Tangent<S>) -> Self {
+        Self { considered: Some(considered), ..self }
     }
 
     /// The belief over the whole state.
     pub fn belief(&self) -> &Gaussian<S> {
         &self.belief
     }
+
+    /// The motion model.
+    pub fn dynamics(&self) -> &M {
+        &self.dynamics
+    }
+
+    /// Takes in a reading by its `m × m` innovation, without normal equations. With several iterations or an
+    /// M-estimator it is [`Estimator::correct`].
+    ///
+    /// # Errors
+    /// When numbers are not finite or sizes differ; the belief is then unchanged.
+    pub fn update<H>(&mut self, reading: &Reading<P, H>) -> Result<Innovation, EstimateError>
+    where
+        H: MeasurementModel<P> + 'static,
+        DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M>,
+    {
+        let instrument = reading.instrument();
+        let direct = self.iterations <= 1 && instrument.loss() == Robust::Square;
+        if !direct && self.considered.is_none() {
+            return self.correct(reading);
+        }
+        let (nu, h) = reading.linearize(self.belief.mean.pose());
+        fits(h.ncols(), self.belief.mean.pose())?;
+        let weight = match instrument.loss() {
+            Robust::Square => 1.0,
+            loss => loss.weight(reading.normalize(self.belief.mean.pose()).0.norm()),
+        };
+        let weighted = (weight != 1.0).then(|| instrument.noise() / weight.max(f64::MIN_POSITIVE));
+        let noise = weighted.as_ref().unwrap_or(instrument.noise());
+        let mut gain = match Gain::new(&self.belief.covariance, &h, Some(noise)) {
+            Ok(gain) => gain,
+            // Nearly parallel rows of nearly no noise: normal equations put them together first.
+            Err(_) if self.considered.is_none() => return self.correct(reading),
+            Err(e) => return Err(e),
+        };
+        let (nis, log_det) = gain.surprise(&nu);
+        if let Some(considered) = &self.considered {
+            gain.mask(considered);
+        }
+        let delta = &gain.gain * &nu;
+        let covariance = gain.joseph(&self.belief.covariance, &h, Some(noise));
+        let mean = self.belief.mean.retract(&delta);
+        let covariance = reset(&self.belief.mean, &delta, covariance);
+        let posterior = Gaussian { mean, covariance };
+        if !posterior.is_finite() {
+            return Err(EstimateError::NotFinite("the corrected state"));
+        }
+        self.belief = posterior;
+        let log_evidence = 0.5 * (instrument.log_det() - nis - log_det);
+        let dof = nu.len();
+        Ok(Innovation {
+            nis,
+            dof,
+            log_evidence,
+            iterations: 1,
+            stop: StopReason::Direct,
+            ..Innovation::default()
+        })
+    }
+
+    /// Takes in a reading row by row, each row of the whitened reading a scalar measurement: no matrix is factored. On
+    /// one linearisation this is [`Self::update`].
+    ///
+    /// # Errors
+    /// When numbers are not finite or sizes differ; the belief is then unchanged.
+    pub fn update_by_rows<H>(&mut self, reading: &Reading<P, H>) -> Result<Innovation, EstimateError>
+    where
+        H: MeasurementModel<P> + 'static,
+        DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M>,
+    {
+        let (r, j) = reading.normalize(self.belief.mean.pose());
+        fits(j.ncols(), self.belief.mean.pose())?;
+        let mut p = self.belief.covariance.clone();
+        let mut delta = self.belief.mean.zero();
+        let mut innovation =
+            Innovation { dof: r.len(), iterations: 1, stop: StopReason::Direct, ..Innovation::default() };
+        let a = j.shape_generic().1;
+        for k in 0..r.len() {
+            let row = j.row(k).transpose();
+            let side = p.columns_generic(0, a) * &row; // P Hᵀ
+            let s = 1.0 + row.dot(&side.rows_generic(0, a));
+            let nu = r[k] - row.dot(&delta.rows_generic(0, a));
+            if !(s.is_finite() && s > 0.0 && nu.is_finite()) {
+                return Err(EstimateError::NotFinite("the innovation"));
+            }
+            let mut gain = &side / s;
+            if let Some(considered) = &self.considered {
+                gain.zip_apply(considered, |g, c| {
+                    if c != 0.0 {
+                        *g = 0.0
+                    }
+                });
+            }
+            delta.axpy(nu, &gain, 1.0);
+            // (1 − KH) P (1 − KH)ᵀ + K Kᵀ for one row.
+            p.ger(-1.0, &gain, &side, 1.0);
+            p.ger(-1.0, &side, &gain, 1.0);
+            p.ger(s, &gain, &gain, 1.0);
+            symmetrize(&mut p);
+            innovation.nis += nu * nu / s;
+            innovation.log_evidence -= 0.5 * (nu * nu / s + vt_core::math::ln(s));
+        }
+        let posterior = Gaussian {
+            mean: self.belief.mean.retract(&delta),
+            covariance: reset(&self.belief.mean, &delta, p),
+        };
+        if !posterior.is_finite() {
+            return Err(EstimateError::NotFinite("the corrected state"));
+        }
+        self.belief = posterior;
+        Ok(innovation)
+    }
+}
+
+/// The columns of a Jacobian against the pose's coordinates.
+pub(crate) fn fits<P: Manifold>(columns: usize, pose: &P) -> Result<(), EstimateError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let expected = pose.dim().value();
+    if columns == expected {
+        return Ok(());
+    }
+    Err(EstimateError::Dimension { what: "the measurement's Jacobian", found: columns, expected })
 }
 
 impl<P, S, M> Estimator<P> for KalmanFilter<P, S, M>
@@ -66,9 +225,11 @@ where
     fn predict(&mut self, dt: Seconds) -> Result<(), EstimateError> {
         let mean = self.dynamics.propagate(&self.belief.mean, dt);
         let f = self.dynamics.jacobian(&self.belief.mean, dt);
-        let q = self.dynamics.noise(&self.belief.mean, dt);
-        let mut covariance = &f * &self.belief.covariance * f.transpose() + q;
-        symmetrize(&mut covariance);
+        let mut covariance = self.dynamics.noise(&self.belief.mean, dt);
+        if self.noise_factor != 1.0 {
+            covariance *= self.noise_factor;
+        }
+        covariance += congruence::<S::D, S::D>(&f, &self.belief.covariance);
         let next = Gaussian { mean, covariance };
         if !next.is_finite() {
             return Err(EstimateError::NotFinite("the predicted state"));
@@ -78,6 +239,11 @@ where
     }
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
+        if self.considered.is_some() {
+            return Err(EstimateError::Unsupported(
+                "considered coordinates in a correction by normal equations",
+            ));
+        }
         let (posterior, innovation) = maximum_a_posteriori(&self.belief, z, self.iterations)?;
         self.belief = posterior;
         Ok(innovation)
@@ -90,5 +256,35 @@ where
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
         self.belief = at_rest(prior, &self.rest)?;
         Ok(())
+    }
+}
+
+impl<P, S, M> GaussianFilter<P, S> for KalmanFilter<P, S, M>
+where
+    P: Manifold,
+    S: State<P>,
+    M: Dynamics<S>,
+    DefaultAllocator: AllocPair<S::D, P::D>,
+{
+    fn belief(&self) -> Gaussian<S> {
+        self.belief.clone()
+    }
+
+    fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
+        if !belief.is_finite() {
+            return Err(EstimateError::NotFinite("the belief"));
+        }
+        self.belief = belief;
+        Ok(())
+    }
+
+    fn predict_jointly(&mut self, dt: Seconds) -> Result<Square<S>, EstimateError> {
+        let (next, cross) = linear_prediction(&self.belief, &self.dynamics, dt, self.noise_factor)?;
+        self.belief = next;
+        Ok(cross)
+    }
+
+    fn scale_process_noise(&mut self, factor: f64) {
+        self.noise_factor = factor;
     }
 }

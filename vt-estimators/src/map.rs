@@ -3,13 +3,14 @@
 //! Gauss–Newton on prior and data, Bell and Cathey 1993).
 
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, U1};
-use vt_core::belief::{Gaussian, State, cholesky, symmetrize};
+use vt_core::belief::{Gaussian, State, symmetrize};
 use vt_core::dynamics::semidefinite_root;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
-use vt_core::math;
 use vt_core::measurement::{Measurement, NormalEquations};
 use vt_core::report::{Innovation, StopReason};
+
+use crate::gain::Gain;
 
 /// Largest step, in deviations of the posterior, after which the iteration counts as converged.
 const CONVERGED: f64 = 1e-3;
@@ -20,11 +21,8 @@ const LOCKED: f64 = 1e-12;
 /// Combines `prior` with the measurement `z` of its pose in at most `iterations` Gauss–Newton steps.
 ///
 /// In the chart at the iterate `x` the prior is `N(μ, P)` and the data say `A δ = b`. With `A = R Rᵀ`, which exists
-/// for singular `A` too, the measurement is `y = R⁺b` with unit noise and `H = Rᵀ[1 0]`, and
-///
-/// ```text
-/// S = 1 + H P Hᵀ,   K = P Hᵀ S⁻¹,   δ = μ + K (y − Hμ),   P⁺ = (1 − KH) P (1 − KH)ᵀ + K Kᵀ   (Joseph)
-/// ```
+/// for singular `A` too, the measurement is `y = R⁺b` with unit noise and `H = Rᵀ[1 0]`, which
+/// gives `δ = μ + K (y − Hμ)` with the gain and the covariance of [`crate::gain`].
 ///
 /// The cost is that of data and prior together, `-ln P(z|x) + ½ ‖x ⊟ prior‖²`. Of several iterations none may raise
 /// it: a step that does is halved, and a last step that is not yet small counts only if it does not (one evaluation
@@ -143,6 +141,9 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     fn new(prior: &Gaussian<S>, x: &S) -> Self {
+        if S::FLAT {
+            return Self { mean: x.local(&prior.mean), covariance: prior.covariance.clone() };
+        }
         // x ⊞ δ = prior ⊞ (away + J⁻¹ δ) to first order: the prior's mean lies at δ = −J away.
         let away = prior.mean.local(x);
         let moved = prior.mean.retract_jacobian(&away);
@@ -159,40 +160,23 @@ where
     where
         DefaultAllocator: AllocPair<S::D, P::D>,
     {
-        let (n, np) = (self.mean.shape_generic().0, data.gradient.shape_generic().0);
+        let np = data.gradient.shape_generic().0;
         let root = semidefinite_root(&data.information);
-        let gain_side = self.covariance.columns_generic(0, np) * &root; // P Hᵀ
-        let mut s = root.tr_mul(&gain_side.rows_generic(0, np)); // H P Hᵀ
-        symmetrize(&mut s);
-        for k in 0..s.nrows() {
-            s[(k, k)] += 1.0;
-        }
         let y = pseudo_solve(&root, &data.gradient);
         let nu = &y - root.tr_mul(&self.mean.rows_generic(0, np));
-        // S = 1 + a positive semi-definite matrix is positive definite unless it overflowed.
-        let factor = cholesky(s).ok_or(EstimateError::NotPositiveDefinite("the innovation's covariance"))?;
-        let weighted = factor.solve(&nu);
-        let gain = factor.solve(&gain_side.transpose()).transpose(); // K = P Hᵀ S⁻¹
-        let delta = &self.mean + &gain * &nu;
-        let mut keep = Square::<S>::identity_generic(n, n);
-        let kh = &gain * root.transpose();
-        {
-            let mut block = keep.columns_generic_mut(0, np);
-            block -= kh;
-        }
-        let mut covariance = &keep * &self.covariance * keep.transpose() + &gain * gain.transpose();
-        symmetrize(&mut covariance);
-        innovation.nis = nu.dot(&weighted);
-        innovation.dof = (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count();
-        let l = factor.l_dirty();
-        let log_det: f64 = (0..l.nrows()).map(|k| 2.0 * math::ln(l[(k, k)])).sum();
-        innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - innovation.nis - log_det);
+        let gain = Gain::new(&self.covariance, &root.transpose(), None)?;
+        let delta = &self.mean + &gain.gain * &nu;
+        let covariance = gain.joseph(&self.covariance, &root.transpose(), None);
+        let (nis, log_det) = gain.surprise(&nu);
+        innovation.nis = nis;
+        innovation.dof = directions(&root, data.rows);
+        innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - nis - log_det);
         Ok((delta, covariance))
     }
 }
 
 /// `R⁺ b` for a lower-trapezoidal `R` as [`semidefinite_root`] makes it: forward substitution, zero where a column is.
-fn pseudo_solve<D: Dim>(root: &OMatrix<f64, D, D>, b: &OVector<f64, D>) -> OVector<f64, D>
+pub(crate) fn pseudo_solve<D: Dim>(root: &OMatrix<f64, D, D>, b: &OVector<f64, D>) -> OVector<f64, D>
 where
     DefaultAllocator: Alloc<D>,
 {
@@ -211,10 +195,13 @@ where
 }
 
 /// Covariance moved from the chart at `x` to the chart at `x ⊞ δ` (reset of an error-state filter).
-fn reset<S: Manifold>(x: &S, delta: &Tangent<S>, covariance: Square<S>) -> Square<S>
+pub(crate) fn reset<S: Manifold>(x: &S, delta: &Tangent<S>, covariance: Square<S>) -> Square<S>
 where
     DefaultAllocator: Alloc<S::D>,
 {
+    if S::FLAT {
+        return covariance;
+    }
     let g = x.retract_jacobian(delta);
     let mut moved = &g * covariance * g.transpose();
     symmetrize(&mut moved);
@@ -227,4 +214,12 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     0.5 * pseudo_solve(root, &prior.mean.local(x)).norm_squared()
+}
+
+/// Observable directions of data with this root: never more than rows, whatever rounding leaves.
+pub(crate) fn directions<D: Dim>(root: &OMatrix<f64, D, D>, rows: usize) -> usize
+where
+    DefaultAllocator: Alloc<D>,
+{
+    (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count().min(rows)
 }

@@ -1,6 +1,6 @@
 //! The belief with which an estimator starts, checked.
 
-use nalgebra::{DefaultAllocator, Dim};
+use nalgebra::{DefaultAllocator, Dim, OMatrix};
 use vt_core::belief::{Gaussian, State};
 use vt_core::dynamics::pivoted_root;
 use vt_core::error::EstimateError;
@@ -30,11 +30,37 @@ where
     if !state.is_finite() {
         return Err(EstimateError::NotFinite("the prior"));
     }
-    let p = &prior.covariance;
+    semidefinite(&prior.covariance)?;
+    Ok(state)
+}
+
+/// A belief over a whole state, checked in the same way.
+///
+/// # Errors
+/// When sizes differ, numbers are not finite or the covariance has a negative eigenvalue.
+pub(crate) fn checked<S: Manifold>(belief: Gaussian<S>) -> Result<Gaussian<S>, EstimateError>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    let (found, expected) = (belief.covariance.nrows(), belief.mean.dim().value());
+    if found != expected {
+        return Err(EstimateError::Dimension { what: "the prior's covariance", found, expected });
+    }
+    if !belief.is_finite() {
+        return Err(EstimateError::NotFinite("the prior"));
+    }
+    semidefinite(&belief.covariance)?;
+    Ok(belief)
+}
+
+fn semidefinite<D: Dim>(p: &OMatrix<f64, D, D>) -> Result<(), EstimateError>
+where
+    DefaultAllocator: Alloc<D>,
+{
     let root = pivoted_root(p);
     let excess = &root * root.transpose() - p;
-    for r in 0..expected {
-        for c in 0..expected {
+    for r in 0..p.nrows() {
+        for c in 0..p.ncols() {
             // Not a number where a variance is negative.
             let fits = excess[(r, c)].abs() <= ROUNDING * (p[(r, r)] * p[(c, c)]).sqrt();
             if !fits || p[(r, r)] < 0.0 {
@@ -42,5 +68,5 @@ where
             }
         }
     }
-    Ok(state)
+    Ok(())
 }

@@ -15,19 +15,33 @@ pub struct Stacked<'a, P: Manifold>(pub &'a [&'a dyn Measurement<P>])
 where
     DefaultAllocator: Alloc<P::D>;
 
+impl<P: Manifold> Stacked<'_, P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// Sums of the logarithms that `f` gives for each measurement.
+    fn sum(&self, poses: &[P], out: &mut [f64], f: impl Fn(&dyn Measurement<P>, &[P], &mut [f64])) {
+        let mut part = [0.0; CHUNK];
+        for (poses, out) in poses.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            out.fill(0.0);
+            for z in self.0 {
+                f(*z, poses, &mut part[..out.len()]);
+                out.iter_mut().zip(&part).for_each(|(sum, l)| *sum += l);
+            }
+        }
+    }
+}
+
 impl<P: Manifold> Measurement<P> for Stacked<'_, P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
-        let mut part = [0.0; CHUNK];
-        for (poses, out) in poses.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
-            out.fill(0.0);
-            for z in self.0 {
-                z.log_likelihoods(poses, &mut part[..out.len()]);
-                out.iter_mut().zip(&part).for_each(|(sum, l)| *sum += l);
-            }
-        }
+        self.sum(poses, out, |z, poses, out| z.log_likelihoods(poses, out));
+    }
+
+    fn importances(&self, poses: &[P], placed: &[usize], out: &mut [f64]) {
+        self.sum(poses, out, |z, poses, out| z.importances(poses, placed, out));
     }
 
     fn residuals(&self, at: &P, out: &mut Linearized<P>) {

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
+use vt_core::batch::Row;
 use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
@@ -148,6 +149,12 @@ where
 {
     fn propagate(&self, state: &S, dt: Seconds) -> S {
         self.0.propagate(state, dt)
+    }
+    fn propagate_each(&self, states: &mut [S], dt: Seconds) {
+        self.0.propagate_each(states, dt);
+    }
+    fn disturb_each(&self, states: &mut [S], dt: Seconds, noise: &[Row]) {
+        self.0.disturb_each(states, dt, noise);
     }
     fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {
         self.0.jacobian(state, dt)

@@ -2,7 +2,8 @@
 
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
-use super::{Gaussian, State};
+use super::{Extends, Gaussian, Moving, State};
+use crate::batch::Row;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 
 /// Dimension of [`Accelerating`]: three times that of the pose.
@@ -45,6 +46,7 @@ where
     DefaultAllocator: Alloc<P::D> + Alloc<Triple<P::D>>,
 {
     type D = Triple<P::D>;
+    const FLAT: bool = P::FLAT;
 
     fn dim(&self) -> Self::D {
         let n = self.pose.dim();
@@ -75,6 +77,25 @@ where
 
     fn transport(&self, d: &Tangent<Self>) -> Square<Self> {
         self.pad(&self.pose.transport(&d.rows_generic(0, self.pose.dim()).into_owned()))
+    }
+
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite() && self.velocity.iter().chain(&self.acceleration).all(|v| v.is_finite())
+    }
+
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        let n = states.first_mut().map_or(1, |s| point(s).velocity.len().max(1));
+        for d in d.chunks_exact(3 * n) {
+            P::retract_each(states, |s| &mut point(s).pose, &d[..n]);
+            for (k, state) in states.iter_mut().enumerate() {
+                let x = point(state);
+                x.velocity
+                    .iter_mut()
+                    .chain(&mut x.acceleration)
+                    .zip(&d[n..])
+                    .for_each(|(v, row)| *v += row[k]);
+            }
+        }
     }
 
     fn blocks(&self) -> Vec<(String, usize)> {
@@ -111,5 +132,34 @@ where
             }
         }
         Gaussian { mean, covariance }
+    }
+}
+
+impl<P: Manifold> Extends<P> for Accelerating<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<Triple<P::D>>,
+{
+    fn part(&self) -> P {
+        self.pose.clone()
+    }
+    fn with_part(&self, part: &P) -> Self {
+        Self { pose: part.clone(), ..self.clone() }
+    }
+}
+
+impl<P: Manifold> Extends<Moving<P>> for Accelerating<P>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+{
+    fn part(&self) -> Moving<P> {
+        Moving { pose: self.pose.clone(), velocity: self.velocity.clone() }
+    }
+    fn with_part(&self, part: &Moving<P>) -> Self {
+        let Moving { pose, velocity } = part.clone();
+        Self { pose, velocity, acceleration: self.acceleration.clone() }
     }
 }

@@ -40,6 +40,7 @@ where
     fn propagate(&self, state: &P, _: Seconds) -> P {
         state.clone()
     }
+    fn propagate_each(&self, _: &mut [P], _: Seconds) {}
     fn jacobian(&self, state: &P, _: Seconds) -> Square<P> {
         Square::<P>::identity_generic(state.dim(), state.dim())
     }

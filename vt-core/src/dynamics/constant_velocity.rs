@@ -4,6 +4,7 @@ use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
 use super::noise::{check_density, driven_noise};
 use crate::agent::Dynamics;
+use crate::batch::{Row, with_rows};
 use crate::belief::Moving;
 use crate::error::ConfigError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
@@ -49,16 +50,45 @@ where
         Moving { pose: state.pose.retract(&(&state.velocity * dt.0)), velocity: state.velocity.clone() }
     }
 
+    fn propagate_each(&self, states: &mut [Moving<P>], dt: Seconds) {
+        self.disturb_each(states, dt, &[]);
+    }
+
+    fn disturb_each(&self, states: &mut [Moving<P>], dt: Seconds, noise: &[Row]) {
+        let n = states.first().map_or(0, |s| s.velocity.len());
+        let (pose, velocity) = noise.split_at(n.min(noise.len()));
+        with_rows(n + pose.len(), |steps| {
+            let (along, aside) = steps.split_at_mut(n);
+            aside.copy_from_slice(pose);
+            for (k, state) in states.iter_mut().enumerate() {
+                for (r, v) in state.velocity.iter_mut().enumerate() {
+                    along[r][k] = *v * dt.0;
+                    *v += velocity.get(r).map_or(0.0, |row| row[k]);
+                }
+            }
+            P::retract_each(states, |s| &mut s.pose, steps);
+        });
+    }
+
     fn jacobian(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {
-        let n = state.pose.dim();
-        let step = &state.velocity * dt.0;
-        let mut f = Square::<Moving<P>>::identity_generic(state.dim(), state.dim());
-        f.generic_view_mut((0, 0), (n, n)).copy_from(&state.pose.transport(&step));
-        f.generic_view_mut((0, n.value()), (n, n)).copy_from(&(state.pose.retract_jacobian(&step) * dt.0));
-        f
+        moved(state, dt.0)
     }
 
     fn noise(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {
         driven_noise(self, state, dt, self.density.as_slice())
     }
+}
+
+/// Jacobian of `(x, ν) ↦ (x ⊞ ν span, ν)`.
+pub(super) fn moved<P: Manifold>(state: &Moving<P>, span: f64) -> Square<Moving<P>>
+where
+    P::D: DimAdd<P::D>,
+    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>>,
+{
+    let n = state.pose.dim();
+    let step = &state.velocity * span;
+    let mut f = Square::<Moving<P>>::identity_generic(state.dim(), state.dim());
+    f.generic_view_mut((0, 0), (n, n)).copy_from(&state.pose.transport(&step));
+    f.generic_view_mut((0, n.value()), (n, n)).copy_from(&(state.pose.retract_jacobian(&step) * span));
+    f
 }

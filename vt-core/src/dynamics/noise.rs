@@ -107,15 +107,55 @@ where
     // Nodes ½ ± √(3/20) and ½.
     const RULE: [(f64, f64); 3] =
         [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+    integrate(&RULE, 1, model, state, dt, density)
+}
+
+/// The same in several parts by the rule of five points, for models whose Jacobian is no polynomial.
+pub(super) fn driven_noise_in<S: Manifold>(
+    parts: u32,
+    model: &impl Dynamics<S>,
+    state: &S,
+    dt: Seconds,
+    density: &[f64],
+) -> Square<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    // Nodes ½ ± √(5 ± 2√(10/7))/6 and ½.
+    const RULE: [(f64, f64); 5] = [
+        (0.046_910_077_030_668_004, 0.118_463_442_528_094_54),
+        (0.230_765_344_947_158_45, 0.239_314_335_249_683_24),
+        (0.5, 64.0 / 225.0),
+        (0.769_234_655_052_841_6, 0.239_314_335_249_683_24),
+        (0.953_089_922_969_332, 0.118_463_442_528_094_54),
+    ];
+    integrate(&RULE, parts, model, state, dt, density)
+}
+
+fn integrate<S: Manifold>(
+    rule: &[(f64, f64)],
+    parts: u32,
+    model: &impl Dynamics<S>,
+    state: &S,
+    dt: Seconds,
+    density: &[f64],
+) -> Square<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
     let n = state.dim();
     let first = n.value().saturating_sub(density.len());
     let mut q = Square::<S>::zeros_generic(n, n);
-    for (node, weight) in RULE {
-        let before = model.propagate(state, Seconds(node * dt.0));
-        let f = model.jacobian(&before, Seconds((1.0 - node) * dt.0));
-        for (column, density) in f.column_iter().skip(first).zip(density) {
-            if *density > 0.0 {
-                q.ger(weight * dt.0.abs() * density, &column, &column, 1.0);
+    let share = 1.0 / f64::from(parts);
+    for part in 0..parts {
+        for (node, weight) in rule {
+            let at = (f64::from(part) + node) * share;
+            let before = model.propagate(state, Seconds(at * dt.0));
+            let f = model.jacobian(&before, Seconds((1.0 - at) * dt.0));
+            for (column, density) in f.column_iter().skip(first).zip(density) {
+                if *density > 0.0 {
+                    q.ger(weight * share * dt.0.abs() * density, &column, &column, 1.0);
+                }
             }
         }
     }

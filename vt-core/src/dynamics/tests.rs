@@ -155,6 +155,85 @@ fn densities_are_checked() {
 }
 
 #[test]
+fn noise_of_fading_models_has_its_closed_form() {
+    let (tau, q, d) = (0.4, 2.0, 0.9_f64);
+    let decay = |k: f64| math::exp(-k * d / tau);
+    let ou = OrnsteinUhlenbeck::<Vector<1>>::new(Seconds(tau), Vector1::new(q)).expect("valid");
+    let found =
+        ou.noise(&Moving { pose: Vector(Vector1::new(1.0)), velocity: Vector1::new(3.0) }, Seconds(d));
+    let vv = 0.5 * q * tau * (1.0 - decay(2.0));
+    let xv = 0.5 * q * tau * tau * (1.0 - decay(1.0)).powi(2);
+    let xx = q * tau * tau * (d - 2.0 * tau * (1.0 - decay(1.0)) + 0.5 * tau * (1.0 - decay(2.0)));
+    assert!((found - Matrix2::new(xx, xv, xv, vv)).amax() < 1e-13, "{found}");
+    // Singer 1970 as in Bar-Shalom, Li, Kirubarajan 2001, Eq. 8.2.2-9, with α = 1/τ and q = 2α σ².
+    let singer = Singer::<Vector<1>>::new(Seconds(tau), Vector1::new(q)).expect("valid");
+    let zero = Vector1::new(0.0);
+    let found =
+        singer.noise(&Accelerating { pose: Vector(zero), velocity: zero, acceleration: zero }, Seconds(d));
+    let (a, u) = (1.0 / tau, d / tau);
+    let (e1, e2) = (math::exp(-u), math::exp(-2.0 * u));
+    let q11 = (1.0 - e2 + 2.0 * u + 2.0 * u.powi(3) / 3.0 - 2.0 * u * u - 4.0 * u * e1) / (2.0 * a.powi(5));
+    let q12 = (e2 + 1.0 - 2.0 * e1 + 2.0 * u * e1 - 2.0 * u + u * u) / (2.0 * a.powi(4));
+    let q13 = (1.0 - e2 - 2.0 * u * e1) / (2.0 * a.powi(3));
+    let q22 = (4.0 * e1 - 3.0 - e2 + 2.0 * u) / (2.0 * a.powi(3));
+    let q23 = (e2 + 1.0 - 2.0 * e1) / (2.0 * a * a);
+    let q33 = (1.0 - e2) / (2.0 * a);
+    let expected = Matrix3::new(q11, q12, q13, q12, q22, q23, q13, q23, q33) * q;
+    assert!((found - expected).amax() < 1e-12, "{found} {expected}");
+}
+
+#[test]
+fn fading_models_have_their_limits() {
+    let s = Accelerating {
+        pose: Vector(Vector1::new(1.0)),
+        velocity: Vector1::new(2.0),
+        acceleration: Vector1::new(3.0),
+    };
+    let (slow, never) = (
+        Singer::<Vector<1>>::new(Seconds(1e9), Vector1::new(0.5)).expect("valid"),
+        ConstantAcceleration::<Vector<1>>::new(Vector1::new(0.5)).expect("valid"),
+    );
+    let dt = Seconds(0.8);
+    assert!(slow.propagate(&s, dt).local(&never.propagate(&s, dt)).norm() < 1e-8);
+    assert!((slow.noise(&s, dt) - never.noise(&s, dt)).amax() < 1e-8);
+    // Both sides of where the series ends.
+    for u in [0.4999999, 0.5000001, -0.4999999, -0.5000001] {
+        let tau = Seconds(1.0);
+        let model = Singer::<Vector<1>>::new(tau, Vector1::new(0.0)).expect("valid");
+        let f = model.jacobian(&s, Seconds(u));
+        let e = math::exp(-u);
+        assert!((f[(0, 2)] - (u - 1.0 + e)).abs() < 1e-14 && (f[(1, 2)] - (1.0 - e)).abs() < 1e-14);
+    }
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(Singer::<Vector<1>>::new(Seconds(bad), Vector1::new(0.0)).is_err());
+    }
+}
+
+#[test]
+fn discrete_noise_is_that_of_the_textbook() {
+    let model = DiscreteWhiteAcceleration::<Vector<1>>::new(Vector1::new(2.0)).expect("valid");
+    let d = 0.7_f64;
+    let q = model.noise(&Moving { pose: Vector(Vector1::new(1.0)), velocity: Vector1::new(3.0) }, Seconds(d));
+    let expected = Matrix2::new(d.powi(4) / 4.0, d.powi(3) / 2.0, d.powi(3) / 2.0, d * d) * 2.0;
+    assert!((q - expected).amax() < 1e-15, "{q}");
+}
+
+/// Without rotation both frames are one; with it, the path of the camera's frame is a left factor.
+#[test]
+fn camera_velocity_moves_on_the_left() {
+    let s = Moving { pose: screw(1.0).pose, velocity: screw(1.0).velocity };
+    let model = CameraVelocity::<SE3>::new(Vector6::repeat(1.0)).expect("valid");
+    let moved = model.propagate(&s, Seconds(0.3));
+    let expected = SE3::exp(&(s.velocity * 0.3)).compose(&s.pose);
+    assert!(moved.pose.local(&expected).norm() < 1e-15);
+    // The same motion as a body twist.
+    let body = Moving { pose: s.pose, velocity: s.pose.inverse().adjoint() * s.velocity };
+    let same =
+        ConstantVelocity::<SE3>::new(Vector6::repeat(1.0)).expect("valid").propagate(&body, Seconds(0.3));
+    assert!(moved.pose.local(&same.pose).norm() < 1e-14);
+}
+
+#[test]
 fn custom_model_from_two_closures() {
     // An oscillator ẍ = -ω² x with velocity noise, as a user would write it.
     let w = 2.0;

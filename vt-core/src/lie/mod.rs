@@ -42,7 +42,7 @@ pub use se3::SE3;
 pub use sim3::Sim3;
 pub use so2::SO2;
 pub use so3::SO3;
-pub use vector::{DynVector, Vector};
+pub use vector::{DynVector, Vector, VectorSpace};
 
 /// A Lie group of motions over the scalar `T`.
 ///
@@ -97,9 +97,10 @@ where
     }
 }
 
-/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors.
+/// Makes a Lie group a manifold with closed-form Jacobians, and names the blocks of its tangent vectors; further items of the
+/// trait may follow.
 macro_rules! manifold_of_group {
-    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*]) => {
+    ([$($generic:tt)*] $group:ty, $dim:ty, |$x:ident| $size:expr, [$(($name:expr, $len:expr)),*] $(, $($more:tt)*)?) => {
         impl<$($generic)*> crate::manifold::Manifold for $group {
             type D = $dim;
             fn dim(&self) -> $dim {
@@ -124,6 +125,7 @@ macro_rules! manifold_of_group {
             fn blocks(&self) -> Vec<(String, usize)> {
                 vec![$(($name.to_string(), $len)),*]
             }
+            $($($more)*)?
         }
     };
 }

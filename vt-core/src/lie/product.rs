@@ -62,6 +62,7 @@ where
     DefaultAllocator: Alloc<A::D> + Alloc<B::D> + Alloc<DimSum<A::D, B::D>>,
 {
     type D = DimSum<A::D, B::D>;
+    const FLAT: bool = A::FLAT && B::FLAT;
 
     fn dim(&self) -> Self::D {
         self.first.dim().add(self.second.dim())

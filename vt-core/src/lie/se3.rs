@@ -8,7 +8,10 @@ use nalgebra::{
 };
 
 use super::{LieGroup, SO3, manifold_of_group, series};
+use crate::batch::Row;
 use crate::error::ConfigError;
+
+mod batch;
 
 /// A rigid motion `p ↦ R p + t`. Tangent order: translation `v` (metres), rotation `ω` (radians).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -202,4 +205,19 @@ impl<T: RealField + Copy> LieGroup<T> for SE3<T> {
     }
 }
 
-manifold_of_group!([] SE3, Const<6>, |_x| Const, [("translation", 3), ("rotation", 3)]);
+manifold_of_group!([] SE3, Const<6>, |_x| Const, [("translation", 3), ("rotation", 3)],
+    fn is_finite(&self) -> bool {
+        let (t, q) = (&self.translation, &self.rotation.coords);
+        // Not finite times zero is not a number, and no branch.
+        (t.x * 0.0 + t.y * 0.0 + t.z * 0.0) + (q.x * 0.0 + q.y * 0.0 + q.z * 0.0 + q.w * 0.0) == 0.0
+    }
+    fn retract_each<S>(states: &mut [S], point: impl Fn(&mut S) -> &mut Self, d: &[Row]) {
+        batch::retract(states, point, d);
+    }
+    fn local_each(&self, points: &[Self], out: &mut [Row]) {
+        batch::local(self, points, out);
+    }
+    fn centre(points: &[Self], weights: &[f64]) -> Option<Self> {
+        batch::centre(points, weights)
+    }
+);

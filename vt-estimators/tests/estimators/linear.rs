@@ -17,7 +17,7 @@ use vt_estimators::map::maximum_a_posteriori;
 
 use crate::problems::{Rows, dense, random};
 
-fn config() -> ProptestConfig {
+pub fn config() -> ProptestConfig {
     ProptestConfig {
         cases: 60,
         rng_seed: RngSeed::Fixed(1),
@@ -27,12 +27,41 @@ fn config() -> ProptestConfig {
 }
 
 /// One step of a linear system: `x ← F x + w`, `w ~ N(0, Q)`, then `z = H x + v`, `v ~ N(0, diag(r))`.
-struct LinearStep {
-    f: DMatrix<f64>,
-    q: DMatrix<f64>,
-    h: DMatrix<f64>,
-    z: DVector<f64>,
-    r: DVector<f64>,
+pub struct LinearStep {
+    pub f: DMatrix<f64>,
+    pub q: DMatrix<f64>,
+    pub h: DMatrix<f64>,
+    pub z: DVector<f64>,
+    pub r: DVector<f64>,
+}
+
+/// A prior and steps with the same `F` and `Q`.
+pub struct LinearProblem {
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    pub steps: Vec<LinearStep>,
+}
+
+impl LinearProblem {
+    /// `n` coordinates, `m` rows a step; regular throughout.
+    pub fn random(n: usize, m: usize, steps: usize, random: &mut Random) -> Self {
+        let mut spread = |scale: f64| {
+            let side = matrix(n, n, random) * scale;
+            &side * side.transpose() + DMatrix::identity(n, n) * 0.1
+        };
+        let (covariance, q) = (spread(1.0), spread(0.3));
+        let f = DMatrix::identity(n, n) + matrix(n, n, random) * 0.2;
+        let mean = DVector::from_fn(n, |_, _| random.normal());
+        let steps = (0..steps).map(|_| LinearStep {
+            f: f.clone(),
+            q: q.clone(),
+            h: matrix(m, n, random),
+            z: DVector::from_fn(m, |_, _| 3.0 * random.normal()),
+            r: DVector::from_fn(m, |_, _| 0.1 + random.uniform()),
+        });
+        let steps = steps.collect();
+        Self { mean, covariance, steps }
+    }
 }
 
 fn root(m: &DMatrix<f64>) -> DMatrix<f64> {
@@ -42,7 +71,7 @@ fn root(m: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// The last state from all data at once: least squares over the independent standard normal causes `a` of everything
 /// (prior and noise), in information form, so that singular `P` and `Q` need no inverse.
-fn batch(
+pub fn batch(
     mean: &DVector<f64>,
     covariance: &DMatrix<f64>,
     steps: &[LinearStep],
@@ -74,7 +103,7 @@ fn assert_close(found: &DMatrix<f64>, expected: &DMatrix<f64>, tolerance: f64) {
     assert!(error <= tolerance * expected.amax().max(1.0), "{error}: found {found}, expected {expected}");
 }
 
-fn matrix(rows: usize, columns: usize, random: &mut Random) -> DMatrix<f64> {
+pub fn matrix(rows: usize, columns: usize, random: &mut Random) -> DMatrix<f64> {
     DMatrix::from_fn(rows, columns, |_, _| random.normal())
 }
 

@@ -2,9 +2,15 @@
 
 mod assignment;
 mod consistency;
+mod forms;
+mod honesty;
 mod linear;
 mod loose_and_tight;
+mod particle_consistency;
+mod particle_methods;
+mod particle_reach;
 mod particles;
 mod posterior;
 mod prediction;
 mod problems;
+mod several;

@@ -127,12 +127,17 @@ fn seed_and_target_make_other_numbers_and_the_same_ones_again() {
     assert!(at(1, 1) != at(2, 1) && at(1, 1) != at(1, 2));
 }
 
-/// A likelihood of one number for every pose.
-struct Constant(f64);
+/// A log-likelihood of one number for every pose.
+pub fn constant(value: f64) -> Any<impl Fn(&Vector<2>) -> f64> {
+    Any(move |_: &Vector<2>| value)
+}
 
-impl Measurement<Vector<2>> for Constant {
-    fn log_likelihoods(&self, _: &[Vector<2>], out: &mut [f64]) {
-        out.fill(self.0);
+/// Any log-likelihood.
+pub struct Any<F>(pub F);
+
+impl<F: Fn(&Vector<2>) -> f64 + Sync> Measurement<Vector<2>> for Any<F> {
+    fn log_likelihoods(&self, poses: &[Vector<2>], out: &mut [f64]) {
+        poses.iter().zip(out).for_each(|(pose, l)| *l = (self.0)(pose));
     }
     fn residuals(&self, _: &Vector<2>, out: &mut Linearized<Vector<2>>) {
         out.clear();
@@ -158,9 +163,9 @@ fn errors_are_values_and_change_nothing() {
     run(&mut filter);
     let state = |f: &Plane| format!("{:?} {:?} {:?}", f.states(), f.particles(), f.pose());
     let before = state(&filter);
-    assert_eq!(filter.correct(&Constant(f64::NEG_INFINITY)), Err(EstimateError::ZeroLikelihood));
+    assert_eq!(filter.correct(&constant(f64::NEG_INFINITY)), Err(EstimateError::ZeroLikelihood));
     for bad in [f64::NAN, f64::INFINITY] {
-        assert_eq!(filter.correct(&Constant(bad)), Err(EstimateError::NotFinite("the likelihood")));
+        assert_eq!(filter.correct(&constant(bad)), Err(EstimateError::NotFinite("the likelihood")));
     }
     assert!(filter.predict(Seconds(f64::NAN)).is_err());
     let mut nowhere = prior();
@@ -173,7 +178,7 @@ fn errors_are_values_and_change_nothing() {
     assert_eq!(filter.reset(&nowhere), Err(indefinite));
     assert_eq!(before, state(&filter));
     // A constant says nothing and is its own evidence.
-    let innovation = filter.correct(&Constant(-3.0)).expect("likely");
+    let innovation = filter.correct(&constant(-3.0)).expect("likely");
     assert!((innovation.log_evidence + 3.0).abs() < 1e-12);
     // It goes on.
     run(&mut filter);

@@ -1,16 +1,25 @@
-//! Filters.
+//! Kalman filters.
 
+use std::sync::Arc;
+
+use nalgebra::DefaultAllocator;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vt_core::agent::Estimator;
+use vt_core::agent::{Dynamics, Estimator};
+use vt_core::belief::{Gaussian, State};
 use vt_core::error::{ConfigError, EstimateError};
 use vt_core::lie::SE3;
+use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
+use vt_core::time::Seconds;
+use vt_estimators::imm::{Imm, Switching, mode};
+use vt_estimators::information::InformationFilter;
 use vt_estimators::kalman::KalmanFilter;
-use vt_estimators::particle::{ParticleFilter, ParticleParams};
-use vt_estimators::resampling;
+use vt_estimators::sigma_point::{Rule, SigmaPointFilter};
+use vt_estimators::square_root::SquareRootFilter;
 
-use crate::registry::Params;
-use crate::roles::{EstimatorContext, Motion};
+use crate::quantity::Span;
+use crate::registry::{NoParams, Params};
+use crate::roles::{Chosen, EstimatorContext, Motion};
 
 /// Parameters of the estimator `kalman`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -35,95 +44,227 @@ impl Params for Kalman {
     }
 }
 
-fn unfit(e: EstimateError) -> ConfigError {
+pub(super) fn unfit(e: EstimateError) -> ConfigError {
     ConfigError::Mismatch {
         found: e.to_string(),
         expected: "a prior that an estimator can start from".into(),
     }
 }
 
+/// Makes an estimator for the state of whichever kind of motion the task chose.
+macro_rules! over_states {
+    ($context:ident, |$motion:ident, $rest:ident| $filter:expr) => {
+        match $context.motion {
+            Motion::Pose($motion) => {
+                let $rest = vec![];
+                Box::new($filter.map_err(unfit)?) as Box<dyn Estimator<SE3>>
+            }
+            Motion::Moving($motion, $rest) => Box::new($filter.map_err(unfit)?),
+            Motion::Accelerating($motion, $rest) => Box::new($filter.map_err(unfit)?),
+        }
+    };
+}
+pub(super) use over_states;
+
 pub(super) fn kalman(p: Kalman, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
-    Ok(match c.motion {
-        Motion::Pose(m) => {
-            Box::new(KalmanFilter::<SE3, _, _>::new(&c.prior, vec![], m, p.iterations).map_err(unfit)?)
-        }
-        Motion::Moving(m, rest) => {
-            Box::new(KalmanFilter::<SE3, _, _>::new(&c.prior, rest, m, p.iterations).map_err(unfit)?)
-        }
-        Motion::Accelerating(m, rest) => {
-            Box::new(KalmanFilter::<SE3, _, _>::new(&c.prior, rest, m, p.iterations).map_err(unfit)?)
-        }
-    })
+    let prior = c.prior;
+    Ok(over_states!(c, |m, rest| KalmanFilter::<SE3, _, _>::new(&prior, rest, m, p.iterations)))
 }
 
-/// How particles are drawn anew.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Resampling {
-    /// Systematic with the fixed offset 1/2.
-    Deterministic,
-    /// Systematic with a random offset.
-    Systematic,
-}
-
-/// Parameters of the estimator `particle`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Particle {
-    /// Number of particles.
-    pub particles: usize,
-    /// How particles are drawn anew.
-    pub resampling: Resampling,
-    /// Share of the particles below which the effective number triggers resampling.
-    pub effective_share: f64,
-}
-
-impl Default for Particle {
-    fn default() -> Self {
-        let p = ParticleParams::default();
-        Self { particles: p.count, resampling: Resampling::Deterministic, effective_share: p.effective_share }
-    }
-}
-
-/// More particles than this are refused.
-const MOST_PARTICLES: usize = 1_000_000;
-
-impl Params for Particle {
-    fn check(&self) -> Result<(), ConfigError> {
-        if !(1..=MOST_PARTICLES).contains(&self.particles) {
-            let expected = format!("at least 1 particle, at most {MOST_PARTICLES}");
-            return Err(ConfigError::parameter("particles", self.particles, expected));
-        }
-        if !(0.0..=1.0).contains(&self.effective_share) {
-            return Err(ConfigError::parameter(
-                "effective_share",
-                self.effective_share,
-                "a number from 0 to 1",
-            ));
-        }
-        Ok(())
-    }
-}
-
-pub(super) fn particle(
-    p: Particle,
+pub(super) fn square_root(
+    _: NoParams,
     c: EstimatorContext<SE3>,
 ) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
-    let resampling = match p.resampling {
-        Resampling::Deterministic => resampling::Resampling::Deterministic,
-        Resampling::Systematic => resampling::Resampling::Systematic,
-    };
-    let Particle { particles: count, effective_share, .. } = p;
-    let params = ParticleParams { count, resampling, effective_share, seed: c.seed, target: c.target };
+    let prior = c.prior;
+    Ok(over_states!(c, |m, rest| SquareRootFilter::<SE3, _, _>::new(&prior, rest, m)))
+}
+
+pub(super) fn information(
+    _: NoParams,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    let prior = c.prior;
+    Ok(over_states!(c, |m, rest| InformationFilter::<SE3, _, _>::new(&prior, rest, m)))
+}
+
+/// Parameters of the estimator `unscented`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Unscented {
+    /// Spread of the points, above 0, at most 1.
+    pub alpha: f64,
+    /// What is known of the fourth moment; 2 for Gaussians.
+    pub beta: f64,
+    /// Second spread.
+    pub kappa: f64,
+    /// Linearisations a correction by measurements whose rows depend on the pose.
+    pub iterations: u32,
+}
+
+impl Default for Unscented {
+    fn default() -> Self {
+        Self { alpha: 1.0, beta: 2.0, kappa: 0.0, iterations: 5 }
+    }
+}
+
+impl Params for Unscented {
+    fn check(&self) -> Result<(), ConfigError> {
+        if !(self.alpha > 0.0 && self.alpha <= 1.0) {
+            return Err(ConfigError::parameter("alpha", self.alpha, "a number above 0, at most 1"));
+        }
+        if !(self.beta >= 0.0 && self.beta.is_finite()) {
+            return Err(ConfigError::parameter("beta", self.beta, "zero or a positive number"));
+        }
+        // A pose has six coordinates, a state no fewer.
+        if !(self.kappa > -6.0 && self.kappa.is_finite()) {
+            return Err(ConfigError::parameter("kappa", self.kappa, "a number above -6"));
+        }
+        Kalman { iterations: self.iterations }.check()
+    }
+}
+
+pub(super) fn unscented(
+    p: Unscented,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    let Unscented { alpha, beta, kappa, iterations } = p;
+    sigma_points(Rule::Unscented { alpha, beta, kappa }, iterations, c)
+}
+
+/// Parameters of the estimator `cubature`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cubature {
+    /// Linearisations a correction by measurements whose rows depend on the pose.
+    pub iterations: u32,
+}
+
+impl Default for Cubature {
+    fn default() -> Self {
+        Self { iterations: 5 }
+    }
+}
+
+impl Params for Cubature {
+    fn check(&self) -> Result<(), ConfigError> {
+        Kalman { iterations: self.iterations }.check()
+    }
+}
+
+pub(super) fn cubature(
+    p: Cubature,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    sigma_points(Rule::Cubature, p.iterations, c)
+}
+
+fn sigma_points(
+    rule: Rule,
+    iterations: u32,
+    c: EstimatorContext<SE3>,
+) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    let prior = c.prior;
+    Ok(over_states!(c, |m, rest| {
+        SigmaPointFilter::<SE3, _, _>::new(&prior, rest, m, rule).map(|f| f.iterated(iterations))
+    }))
+}
+
+/// Parameters of the estimator `imm`: the motion of the model in several strengths.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Models {
+    /// Strength of each model's noise: factors of its deviation.
+    pub strengths: Vec<f64>,
+    /// Mean time that a model lasts; 1 s when absent.
+    pub sojourn: Option<Span>,
+    /// Linearisations a correction.
+    pub iterations: u32,
+}
+
+impl Default for Models {
+    fn default() -> Self {
+        Self { strengths: vec![0.3, 2.0], sojourn: None, iterations: 5 }
+    }
+}
+
+impl Params for Models {
+    fn check(&self) -> Result<(), ConfigError> {
+        if !(1..=8).contains(&self.strengths.len()) {
+            return Err(ConfigError::parameter("strengths", self.strengths.len(), "1 to 8 numbers"));
+        }
+        if let Some(bad) = self.strengths.iter().find(|s| !(**s > 0.0 && s.is_finite())) {
+            return Err(ConfigError::parameter("strengths", bad, "positive numbers"));
+        }
+        if let Some(sojourn) = self.sojourn.filter(|t| t.si() <= 0.0) {
+            return Err(ConfigError::parameter("sojourn", sojourn, "a positive time"));
+        }
+        Kalman { iterations: self.iterations }.check()
+    }
+}
+
+pub(super) fn models(p: Models, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    let prior = c.prior;
     Ok(match c.motion {
-        Motion::Pose(m) => {
-            Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, vec![], m, params).map_err(unfit)?)
-        }
-        Motion::Moving(m, rest) => {
-            Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, rest, m, params).map_err(unfit)?)
-        }
-        Motion::Accelerating(m, rest) => {
-            Box::new(ParticleFilter::<SE3, _, _>::new(&c.prior, rest, m, params).map_err(unfit)?)
-        }
+        Motion::Pose(m) => mixture(&p, &prior, &[], m)?,
+        Motion::Moving(m, rest) => mixture(&p, &prior, &rest, m)?,
+        Motion::Accelerating(m, rest) => mixture(&p, &prior, &rest, m)?,
     })
+}
+
+/// One motion in several strengths, shared.
+fn mixture<P, S>(
+    p: &Models,
+    prior: &Gaussian<P>,
+    rest: &[Tangent<P>],
+    motion: Chosen<S>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P: Manifold,
+    S: State<P>,
+    DefaultAllocator: AllocPair<S::D, P::D>,
+{
+    let motion = Arc::new(motion);
+    let mut modes = vec![];
+    for strength in &p.strengths {
+        let shared = Strong { motion: motion.clone(), strength: *strength };
+        let filter = KalmanFilter::<P, S, _>::new(prior, rest.to_vec(), shared, p.iterations);
+        modes.push(mode::<P, S, S, _>(filter.map_err(unfit)?));
+    }
+    let n = modes.len();
+    let switching = Switching::every(Seconds(p.sojourn.map_or(1.0, |t| t.si())), n);
+    let belief = S::spread(prior, rest);
+    Ok(Box::new(Imm::new(modes, &vec![1.0 / n as f64; n], switching, &belief)?))
+}
+
+/// A motion model with the deviation of its noise multiplied by a factor.
+struct Strong<S: Manifold>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    motion: Arc<Chosen<S>>,
+    strength: f64,
+}
+
+impl<S: Manifold> Clone for Strong<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn clone(&self) -> Self {
+        Self { motion: self.motion.clone(), strength: self.strength }
+    }
+}
+
+impl<S: Manifold> Dynamics<S> for Strong<S>
+where
+    DefaultAllocator: Alloc<S::D>,
+{
+    fn propagate(&self, state: &S, dt: Seconds) -> S {
+        self.motion.propagate(state, dt)
+    }
+    fn jacobian(&self, state: &S, dt: Seconds) -> Square<S> {
+        self.motion.jacobian(state, dt)
+    }
+    fn noise(&self, state: &S, dt: Seconds) -> Square<S> {
+        self.motion.noise(state, dt) * (self.strength * self.strength)
+    }
 }

@@ -7,6 +7,7 @@ pub mod init;
 pub mod loss;
 pub mod motion;
 pub mod output;
+pub mod particle;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
@@ -64,6 +65,16 @@ impl Registry {
             .with(Method::<Motions<SE3>>::new("brownian", "random walk of the pose", motion::brownian))
             .with(Method::<Motions<SE3>>::new("constant-velocity", "white acceleration", motion::velocity))
             .with(Method::<Motions<SE3>>::new("constant-acceleration", "white jerk", motion::acceleration))
+            .with(Method::<Motions<SE3>>::new(
+                "camera-velocity",
+                "white acceleration, camera's frame",
+                motion::camera,
+            ))
+            .with(Method::<Motions<SE3>>::new(
+                "fading-velocity",
+                "Ornstein-Uhlenbeck velocity",
+                motion::fading,
+            ))
             .with(Method::<Inits<SE3>>::new("pose", "a pose written in the task", init::pose))
             .with(Method::<Inits<SE3>>::new("file", "a pose from a file", init::file))
             .with(Method::<Inits<SE3>>::new("truth", "the true pose of the first frame", init::truth))
@@ -83,8 +94,8 @@ impl Registry {
             .with(
                 Method::<Estimators<SE3>>::new(
                     "particle",
-                    "sequential importance resampling",
-                    estimator::particle,
+                    "particle filter: bootstrap, auxiliary or annealed; Rao-Blackwellised; adaptive number",
+                    particle::particle,
                 )
                 .levels(&[Pixel, Feature, Object]),
             )
@@ -93,6 +104,38 @@ impl Registry {
                     "kalman",
                     "extended or iterated Kalman filter",
                     estimator::kalman,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
+                    "square-root",
+                    "Kalman filter by orthogonal transformations",
+                    estimator::square_root,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
+                    "information",
+                    "Kalman filter by information",
+                    estimator::information,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new("unscented", "unscented Kalman filter", estimator::unscented)
+                    .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new("cubature", "cubature Kalman filter", estimator::cubature)
+                    .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Estimators<SE3>>::new(
+                    "imm",
+                    "interacting models: the motion in several strengths",
+                    estimator::models,
                 )
                 .levels(&[Pixel, Feature, Object]),
             )

@@ -4,13 +4,16 @@
 use nalgebra::Vector6;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vt_core::dynamics::{Brownian, ConstantAcceleration, ConstantVelocity};
+use vt_core::dynamics::{
+    Brownian, CameraVelocity, ConstantAcceleration, ConstantVelocity, OrnsteinUhlenbeck,
+};
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
+use vt_core::time::Seconds;
 
 use crate::quantity::{
     Acceleration, AccelerationDiffusion, AngularAcceleration, AngularAccelerationDiffusion, AngularDiffusion,
-    AngularSpeed, AngularSpeedDiffusion, Diffusion, Dimension, Quantity, Speed, SpeedDiffusion,
+    AngularSpeed, AngularSpeedDiffusion, Diffusion, Dimension, Quantity, Span, Speed, SpeedDiffusion,
 };
 use crate::registry::Params;
 use crate::roles::{Chosen, Freedom, Motion};
@@ -25,10 +28,26 @@ pub struct BrownianParams {
     pub rotation: AngularDiffusion,
 }
 
-/// Parameters of the dynamics `constant-velocity`.
+/// Parameters of the dynamics `constant-velocity` and, in the axes of the camera, `camera-velocity`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VelocityParams {
+    /// White acceleration.
+    pub translation: SpeedDiffusion,
+    /// White angular acceleration.
+    pub rotation: AngularSpeedDiffusion,
+    /// Deviation of the speed at the start and after a re-initialisation.
+    pub speed: Speed,
+    /// Deviation of the angular speed at the start and after a re-initialisation.
+    pub angular_speed: AngularSpeed,
+}
+
+/// Parameters of the dynamics `fading-velocity`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FadingParams {
+    /// Time in which a velocity falls to a third.
+    pub fades_in: Span,
     /// White acceleration.
     pub translation: SpeedDiffusion,
     /// White angular acceleration.
@@ -83,6 +102,16 @@ impl Params for VelocityParams {
     }
 }
 
+impl Params for FadingParams {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.fades_in.si() <= 0.0 {
+            return Err(ConfigError::parameter("fades_in", self.fades_in, "a positive time"));
+        }
+        check(["translation", "rotation"], self.translation, self.rotation)?;
+        check(["speed", "angular_speed"], self.speed, self.angular_speed)
+    }
+}
+
 impl Params for AccelerationParams {
     fn check(&self) -> Result<(), ConfigError> {
         check(["translation", "rotation"], self.translation, self.rotation)?;
@@ -107,6 +136,16 @@ pub(super) fn brownian(p: BrownianParams, free: &Freedom) -> Result<Motion<SE3>,
 
 pub(super) fn velocity(p: VelocityParams, free: &Freedom) -> Result<Motion<SE3>, ConfigError> {
     let model = ConstantVelocity::new(density(p.translation, p.rotation, free))?;
+    Ok(Motion::Moving(Chosen(Box::new(model)), vec![tangent(p.speed, p.angular_speed, free)]))
+}
+
+pub(super) fn camera(p: VelocityParams, free: &Freedom) -> Result<Motion<SE3>, ConfigError> {
+    let model = CameraVelocity::new(density(p.translation, p.rotation, free))?;
+    Ok(Motion::Moving(Chosen(Box::new(model)), vec![tangent(p.speed, p.angular_speed, free)]))
+}
+
+pub(super) fn fading(p: FadingParams, free: &Freedom) -> Result<Motion<SE3>, ConfigError> {
+    let model = OrnsteinUhlenbeck::new(Seconds(p.fades_in.si()), density(p.translation, p.rotation, free))?;
     Ok(Motion::Moving(Chosen(Box::new(model)), vec![tangent(p.speed, p.angular_speed, free)]))
 }
 
