@@ -119,6 +119,13 @@ where
         }
     }
 
+    /// The same target, but where it is is not known yet: it begins as lost, so that the re-initialiser is asked at the
+    /// first step.
+    #[must_use]
+    pub fn beginning_lost(self) -> Self {
+        Self { status: Status::Lost, ..self }
+    }
+
     /// The estimator.
     pub fn estimator(&self) -> &dyn Estimator<P> {
         self.estimator.as_ref()

@@ -189,15 +189,6 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
         none += usize::from(first.is_none());
         wrong += usize::from(first.is_some() && !ok);
         ranked += usize::from(errors.iter().any(right));
-        if std::env::var("STAGES").is_ok() {
-            let stages = search.stages(&case.frame, &all)?;
-            let text: Vec<String> = stages.iter().map(|poses| {
-                let near = |(p, _): &&(SE3, f64)| { let e = error(&symmetries, p, &case.truth); e.rotation < 12f64.to_radians() && e.translation < 0.08 * case.truth.translation.z };
-                let k = poses.iter().position(|p| near(&p));
-                format!("{:?}/{} {:.1}:{:.1}", k.map(|k| k as i64).unwrap_or(-1), poses.len(), k.map_or(f64::NAN, |k| poses[k].1), poses.first().map_or(f64::NAN, |p| p.1))
-            }).collect();
-            println!("    {} ok {ok}: {}", case.name, text.join("   "));
-        }
         if ok || first.is_none() && absent {
             continue;
         }

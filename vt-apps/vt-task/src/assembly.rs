@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
-use vt_core::agent::{LossDetector, Output, Sensor};
-use vt_core::belief::{Gaussian, Triple};
+use vt_core::agent::{LossDetector, Output, Reinitializer, Sensor};
+use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
@@ -26,9 +26,9 @@ use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
-    AppearanceProduct, Appearances, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
-    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, Reinits, SensorContext,
-    Sensors, Shapes, TruthContext, Truths, Warps,
+    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
+    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, ReinitContext, Reinits,
+    SensorContext, Sensors, Shapes, Start, TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -232,6 +232,34 @@ impl TargetContext<'_> {
     }
 }
 
+impl TargetContext<'_> {
+    /// The re-initialiser of targets that name none: the search of views where there is one for the pose space, the
+    /// target is measured by its edges in a calibrated picture, and it is free in all directions.
+    fn default_reinitializer<P: Coordinates>(
+        &self,
+        context: ReinitContext<'_, P>,
+    ) -> Result<Option<Box<dyn Reinitializer<P>>>, ReadError>
+    where
+        DefaultAllocator: Alloc<P::D>,
+    {
+        let edges = self.task.targets[self.index].modalities.iter().any(|m| m.kind == "edges");
+        let known = self
+            .registry
+            .listings()
+            .iter()
+            .any(|l| l.key == "reinit" && l.kind == "views" && l.spaces.contains(&P::SPACE));
+        let free = context.body.freedom.0.iter().all(|free| *free);
+        if !(edges && known && free && context.body.camera.is_some()) {
+            return Ok(None);
+        }
+        let text = "kind = \"views\"";
+        let Ok(document) = Document::parse("default", text, self.document.base(), &[], &|_| None) else {
+            return Ok(None);
+        };
+        self.registry.build::<Reinits<P>>(document.root(), context).map(Some)
+    }
+}
+
 /// Without a loss detector a target counts as tracked.
 struct NeverLost;
 
@@ -294,18 +322,27 @@ where
     }
 
     let frames = c.first_frames;
+    let index = sensors.first().map_or(0, |s: &SensorId| s.0 as usize);
+    let body = Body {
+        sensor: SensorId(index as u32),
+        camera: c.scene.cameras.get(index).and_then(Option::as_ref),
+        shape: &c.scene.shapes[&section.model],
+        freedom: &freedom,
+    };
     let first = frames.iter().find(|f| sensors.contains(&f.sensor)).or(frames.first());
     let init = InitContext {
+        body,
+        frames,
         place: c.place(),
         truth: c.scene.truths[c.index].as_ref(),
         first_frame: first.map_or(0, |f| f.number),
         freedom: &freedom,
     };
     let init_node = node(document, &format!("{path}.init"))?;
-    let mut prior: Gaussian<P> = registry.build::<Inits<P>>(init_node, init)?;
+    let Start { mut prior, mut known } = registry.build::<Inits<P>>(init_node, init)?;
     if c.scene.true_starts.get(c.index).is_some_and(|wanted| *wanted) {
-        let start = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
-        prior.mean = start;
+        prior.mean = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
+        known = true;
     }
     let motion =
         registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
@@ -314,7 +351,11 @@ where
     let estimator =
         registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
     let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
-    let reinitializer = c.optional::<Reinits<P>>("reinit", &prior)?;
+    let reinit = || ReinitContext { prior: known.then_some(&prior), body };
+    let reinitializer = match c.optional::<Reinits<P>>("reinit", reinit())? {
+        None if section.loss.is_some() => c.default_reinitializer(reinit())?,
+        given => given,
+    };
     c.optional::<Fusions>("fusion", ())?;
 
     // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.
@@ -325,5 +366,6 @@ where
     });
     let target =
         Target::new(section.name.clone(), sensors, modalities, estimator, loss, reinitializer, scale);
+    let target = if known { target } else { target.beginning_lost() };
     Ok(BuiltTarget { target: Box::new(target), processing })
 }

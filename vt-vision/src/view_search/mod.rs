@@ -7,14 +7,16 @@
 
 mod alignment;
 mod orientation_map;
+mod params;
 mod reinitializer;
 mod scan;
 mod search;
 mod views;
 
 pub use alignment::Support;
+pub use params::ViewSearchParams;
 pub use reinitializer::ViewReinitializer;
-pub use search::{FoundPose, ViewSearch, ViewSearchParams};
+pub use search::{FoundPose, ViewSearch};
 
 /// TEMPORARY
 pub fn tune(name: &str, default: f64) -> f64 {

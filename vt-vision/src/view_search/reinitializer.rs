@@ -12,7 +12,8 @@ use vt_models::camera::Camera;
 use vt_models::edges::EdgeModel;
 use vt_models::mesh::Mesh;
 
-use super::search::{ViewSearch, ViewSearchParams};
+use super::params::ViewSearchParams;
+use super::search::ViewSearch;
 
 /// Proposes the last trusted pose, a prior, and then what a search of views finds.
 ///

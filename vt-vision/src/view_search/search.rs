@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use image::GrayImage;
-use nalgebra::{Point2, Vector6};
+use nalgebra::{Matrix6, Point2, Vector6};
 use rayon::prelude::*;
 use vt_core::belief::Gaussian;
 use vt_core::error::{ConfigError, MeasureError};
@@ -19,80 +19,12 @@ use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptio
 use vt_models::warp::Se3Warp;
 
 use super::alignment::{LevelEdges, SCALES, Site, Support, align, support};
-use super::orientation_map::{EdgeBits, OrientationMap, resized};
+use super::orientation_map::{EdgeBits, OrientationMap, blurred, resized};
 use super::scan::{self, Hit, scan};
+use super::params::ViewSearchParams;
 use super::views::{ContourPoint, View, Views, focal};
 use crate::edge::{EdgeModality, EdgeParams};
 use crate::pyramid::{Pyramid, PyramidProcessing};
-
-/// Parameters of the search.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ViewSearchParams {
-    /// Smallest and largest size of the object, pixels for the diameter of its bounding sphere.
-    pub sizes: [f64; 2],
-    /// Smallest step in grey levels that counts as an edge.
-    pub min_contrast: f64,
-    /// Directions from which the model is looked at.
-    pub directions: u32,
-    /// Candidates that are aligned, of each size.
-    pub hits: usize,
-    /// Candidates that are compared in detail.
-    pub compared: usize,
-    /// Candidates that are refined by the edge modality.
-    pub refined: usize,
-    /// Least log-likelihood ratio of a pose against chance, nats.
-    pub least_log_ratio: f64,
-    /// Least share of the contour that lies on edges.
-    pub least_share: f64,
-}
-
-impl Default for ViewSearchParams {
-    fn default() -> Self {
-        Self {
-            sizes: [60.0, 800.0],
-            min_contrast: 3.0,
-            directions: 300,
-            hits: 400,
-            compared: 120,
-            refined: 16,
-            least_log_ratio: 15.0,
-            least_share: 0.5,
-        }
-    }
-}
-
-impl ViewSearchParams {
-    /// Checks all ranges.
-    ///
-    /// # Errors
-    /// [`ConfigError::Parameter`] with the first parameter that is out of its range.
-    pub fn check(self) -> Result<Self, ConfigError> {
-        let [least, most] = self.sizes;
-        if !(least >= scan::SIZE && least <= most && most <= 1e4) {
-            let expected = format!("ascending from at least {} px to at most 10000 px", scan::SIZE);
-            return Err(ConfigError::parameter("sizes", format!("[{least}, {most}]"), expected));
-        }
-        for (key, v) in [("min_contrast", self.min_contrast), ("least_log_ratio", self.least_log_ratio)] {
-            if !(v > 0.0 && v.is_finite()) {
-                return Err(ConfigError::parameter(key, v, "a positive number"));
-            }
-        }
-        if !(0.0..=1.0).contains(&self.least_share) {
-            return Err(ConfigError::parameter("least_share", self.least_share, "a share from 0 to 1"));
-        }
-        for (key, v, low, high) in [
-            ("directions", self.directions as usize, 12, 5000),
-            ("hits", self.hits, 1, 10_000),
-            ("compared", self.compared, 1, 10_000),
-            ("refined", self.refined, 1, 1000),
-        ] {
-            if !(low..=high).contains(&v) {
-                return Err(ConfigError::parameter(key, v, format!("{low} to {high}")));
-            }
-        }
-        Ok(self)
-    }
-}
 
 /// Ratio of neighbouring sizes.
 const SIZE_STEP: f64 = 1.2;
@@ -197,30 +129,21 @@ impl ViewSearch {
                 expected: format!("one of {} x {}", self.camera.size().0, self.camera.size().1),
             });
         }
-        let t0 = std::time::Instant::now();
         let picture = self.picture(frame, image);
-        let t1 = std::time::Instant::now();
         let mut candidates: Vec<Candidate> = vec![];
         for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
             candidates.extend(self.scan(image, &picture, index));
         }
-        let t2 = std::time::Instant::now();
         let best = self.distinct(candidates, super::tune("ALIGNED", 600.0) as usize, 0.4);
         let candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
         let best = self.distinct(candidates, super::tune("COMPARED", self.params.compared as f64) as usize, 0.5);
-        let t3 = std::time::Instant::now();
         let compared = best
             .par_iter()
             .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
             .collect::<Vec<_>>();
-        let t4 = std::time::Instant::now();
         let best = self.distinct(compared, super::tune("REFINED", self.params.refined as f64) as usize, 2.0);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
-        let t5 = std::time::Instant::now();
-        if std::env::var("TIMES").is_ok() {
-            eprintln!("picture {:?} scan {:?} distinct {:?} compare {:?} refine {:?}", t1 - t0, t2 - t1, t3 - t2, t4 - t3, t5 - t4);
-        }
         let mut found: Vec<FoundPose> = refined
             .into_iter()
             .flatten()
@@ -234,37 +157,6 @@ impl ViewSearch {
         Ok(found)
     }
 
-    /// TEMPORARY
-    pub fn stages(&self, frame: &Frame, sizes: &[usize]) -> Result<Vec<Vec<(SE3, f64)>>, MeasureError> {
-        let image = frame.grey()?;
-        let picture = self.picture(frame, image);
-        let mut candidates: Vec<Candidate> = vec![];
-        for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
-            candidates.extend(self.scan(image, &picture, index));
-        }
-        let mut out = vec![];
-        let list = |c: &[Candidate]| c.iter().map(|c| (c.pose, c.support.log_ratio)).collect::<Vec<_>>();
-        let mut sorted = candidates.clone();
-        sorted.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
-        out.push(list(&sorted));
-        let best = self.distinct(candidates, super::tune("ALIGNED", 600.0) as usize, 0.4);
-        let candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
-        let best = self.distinct(candidates, super::tune("COMPARED", self.params.compared as f64) as usize, 0.5);
-        out.push(list(&best));
-        let compared = best
-            .par_iter()
-            .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
-            .collect::<Vec<_>>();
-        let best = self.distinct(compared, super::tune("REFINED", self.params.refined as f64) as usize, 2.0);
-        out.push(list(&best));
-        let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
-            best.par_iter().map(|c| self.refine(&picture, c)).collect();
-        let mut all: Vec<Candidate> = refined.into_iter().flatten().map(|c| c.0).collect();
-        all.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
-        out.push(list(&all));
-        Ok(out)
-    }
-
     fn picture<'a>(&self, frame: &'a Frame, image: &GrayImage) -> Picture<'a> {
         let mut pyramid = Pyramid::default();
         let most = self.level(self.params.sizes[1]) + 1;
@@ -273,8 +165,13 @@ impl ViewSearch {
             .into_par_iter()
             .map(|l| {
                 let mut level = LevelEdges::default();
-                let picture = if l == 0 { image } else { &pyramid.levels[l - 1] };
-                level.edges.compute(picture, self.params.min_contrast);
+                let least = self.params.min_contrast;
+                if l == 0 && super::tune("BLUR", 1.0) > 0.0 {
+                    let (picture, least) = blurred(image, least);
+                    level.edges.compute(&picture, least);
+                } else {
+                    level.edges.compute(if l == 0 { image } else { &pyramid.levels[l - 1] }, least);
+                }
                 level.count(l as u32);
                 level
             })
@@ -299,11 +196,7 @@ impl ViewSearch {
         edges.compute(&small, self.params.min_contrast);
         map.compute(&edges, scan::REACH);
         let views = self.views.at_size(size);
-        let t0 = std::time::Instant::now();
         let hits = scan(views, &map, super::tune("HITS", self.params.hits as f64) as usize);
-        if std::env::var("TIMES").is_ok() {
-            eprintln!("  size {size:.0} scan {:?} {:?}", t0.elapsed(), hits.first().map(|h| h.score));
-        }
         let level = (self.level(size) as usize + usize::from(size > 80.0)).min(picture.levels.len() - 1);
         let level = &picture.levels[level];
         let warp = Se3Warp::new(self.camera);
@@ -422,32 +315,39 @@ impl ViewSearch {
         let warp = Se3Warp::new(self.camera);
         let mut modality = EdgeModality::new(params, sensor, warp, view, self.views.diameter);
         let mut pose = candidate.pose;
-        let mut prior = None;
+        let mut covariance = None;
         for pixels in ROUNDS {
-            let depth = pose.act(&self.views.center).z;
-            let across = pixels * depth / focal(&self.camera);
-            let sigmas =
-                Vector6::from_fn(
-                    |k, _| {
-                        if k < 3 { 2.0 * across } else { 2.0 * across / self.views.diameter }
-                    },
-                );
-            let around = Gaussian::from_sigmas(pose, &sigmas);
+            let around = Gaussian::from_sigmas(pose, &self.spread(&pose, pixels));
             modality.measure(&evidence, &around).ok()??;
-            pose = *modality.object()?.pose();
-            prior = Some(Gaussian { mean: pose, ..around });
+            let aligned = modality.object()?;
+            pose = *aligned.pose();
+            // Where the data are silent, the spread of a wrong alignment remains.
+            let wide = Matrix6::from_diagonal(&self.spread(&pose, UNKNOWN).map(|s| 1.0 / (s * s)));
+            covariance = (wide + aligned.information() / (CAUTION * CAUTION)).cholesky().map(|c| c.inverse());
         }
+        let covariance = covariance?;
         let mut seen = VisibleEdges::default();
         let refined = self.judged(picture, &mut seen, pose);
-        let around = prior?;
         // Among clutter the modality may be led astray.
         Some(if refined.support.log_ratio > 0.9 * candidate.support.log_ratio {
-            (refined, around)
+            (refined, Gaussian { mean: refined.pose, covariance })
         } else {
-            (*candidate, Gaussian { mean: candidate.pose, ..around })
+            (*candidate, Gaussian { mean: candidate.pose, covariance })
         })
     }
+
+    /// Deviations of a pose whose contour is uncertain by so many pixels.
+    fn spread(&self, pose: &SE3, pixels: f64) -> Vector6<f64> {
+        let across = 2.0 * pixels * pose.act(&self.views.center).z.abs() / focal(&self.camera);
+        Vector6::from_fn(|k, _| if k < 3 { across } else { across / self.views.diameter })
+    }
 }
+
+/// Uncertainty of a contour that no edge supports, pixels.
+const UNKNOWN: f64 = 10.0;
+
+/// Factor on the deviations that the edges leave: they were chosen among many.
+const CAUTION: f64 = 3.0;
 
 /// Pyramid levels on which the edge modality starts.
 const COARSE: u32 = 1;
