@@ -145,7 +145,13 @@ fn right(e: &PoseError) -> bool {
 }
 
 /// The picture with the contour found (orange) over the true one (green).
-fn overlay(set: &Set, edges: &EdgeModel, case: &Case, truth: bool, found: Option<&FoundPose>) -> Result<RgbImage> {
+fn overlay(
+    set: &Set,
+    edges: &EdgeModel,
+    case: &Case,
+    truth: bool,
+    found: Option<&FoundPose>,
+) -> Result<RgbImage> {
     let mut canvas = Canvas::of_grey(case.frame.grey()?);
     let mut seen = VisibleEdges::default();
     let options = VisibilityOptions { step: 2.0, max_sites: 3000, ..VisibilityOptions::default() };
@@ -183,7 +189,8 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
         walls.push(begin.0.elapsed().as_secs_f64());
         cpus.push(0.5 * begin.1.elapsed().as_secs_f64());
         let first = found.first();
-        let errors: Vec<PoseError> = found.iter().map(|f| error(&symmetries, &f.pose.mean, &case.truth)).collect();
+        let errors: Vec<PoseError> =
+            found.iter().map(|f| error(&symmetries, &f.pose.mean, &case.truth)).collect();
         let ok = !absent && errors.first().is_some_and(right);
         good += usize::from(ok);
         none += usize::from(first.is_none());
@@ -206,7 +213,8 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
         }
         if let Some(folder) = &a.draw {
             std::fs::create_dir_all(folder)?;
-            overlay(set, &edges, case, !absent, first)?.save(folder.join(format!("{}.png", case.name.replace(' ', "-"))))?;
+            overlay(set, &edges, case, !absent, first)?
+                .save(folder.join(format!("{}.png", case.name.replace(' ', "-"))))?;
         }
     }
     println!(

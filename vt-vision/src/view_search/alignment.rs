@@ -13,6 +13,9 @@ use crate::pyramid::{from_level, to_level};
 /// Side of the blocks in which edges are counted, pixels.
 const CELL: usize = 16;
 
+/// Blocks on each side of one over which its density is averaged: the object alone must not fill them.
+const AROUND: usize = 5;
+
 /// Probability that a visible contour point gives no edge.
 const MISS: f64 = 0.1;
 
@@ -20,7 +23,7 @@ const MISS: f64 = 0.1;
 const INDEPENDENT: f64 = 12.0;
 
 /// What one edge of the model says counts in full up to about here, nats.
-const SATURATION: f64 = 6.0;
+const SATURATION: f64 = 30.0;
 
 /// Probability that an occluding contour stands out from what is behind it.
 const CONTOUR_SEEN: f64 = 0.93;
@@ -86,8 +89,8 @@ impl LevelEdges {
             for column in 0..columns {
                 for o in 0..FINE {
                     let (mut edges, mut cells) = (0, 0);
-                    for r in row.saturating_sub(1)..(row + 2).min(rows) {
-                        for c in column.saturating_sub(1)..(column + 2).min(columns) {
+                    for r in row.saturating_sub(AROUND)..(row + AROUND + 1).min(rows) {
+                        for c in column.saturating_sub(AROUND)..(column + AROUND + 1).min(columns) {
                             edges += counts[r * columns + c][o];
                             cells += 1;
                         }
@@ -205,9 +208,8 @@ pub fn align(
 /// How far the edges speak for `pose`; `spacing` is the length of contour of a site and `sigma` the deviation of an
 /// edge from the contour where the object is, both in pixels of the level.
 ///
-/// Long straight edges are all over real scenes: that one of them runs along an edge of the model for long is hardly
-/// less probable than that it does for a while. So what the points of one edge say together counts by its logarithm,
-/// for the pose and against it.
+/// An edge of the model is seen as a whole or, where both its sides are alike, not at all; what its points say together
+/// counts as a mixture of the two. Of long edges the root counts, since straight edges in the background are long, too.
 pub fn support(
     level: &LevelEdges,
     warp: &Se3Warp,
@@ -221,29 +223,22 @@ pub fn support(
     let mut said: Vec<(u32, bool, f64)> = Vec::with_capacity(sites.len());
     // Shapes of the background have some size in the picture, whatever the level.
     let weight = spacing * f64::from(1_u32 << level.level) / INDEPENDENT;
-    each(
-        level,
-        warp,
-        pose,
-        sites.iter().copied(),
-        4.0 * sigma,
-        |site, (found, density), _| {
-            let mut ratio = MISS;
-            if let Some(r) = found {
-                let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
-                let chance = density * math::pow(1.0 - density, 2.0 * r.abs());
-                ratio += (1.0 - MISS) * there / chance;
-                near += usize::from(r.abs() <= 2.0 * sigma);
-            }
-            said.push((site.edge, site.contour, weight * math::ln(ratio)));
-        },
-    );
+    each(level, warp, pose, sites.iter().copied(), 4.0 * sigma, |site, (found, density), _| {
+        let mut ratio = MISS;
+        if let Some(r) = found {
+            let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
+            let chance = density * math::pow(1.0 - density, 2.0 * r.abs());
+            ratio += (1.0 - MISS) * there / chance;
+            near += usize::from(r.abs() <= 2.0 * sigma);
+        }
+        said.push((site.edge, site.contour, weight * math::ln(ratio)));
+    });
     said.sort_by_key(|(edge, contour, _)| (*edge, *contour));
     for points in said.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         let sum: f64 = points.iter().map(|p| p.2).sum();
         let seen = if points[0].1 { CONTOUR_SEEN } else { CREASE_SEEN };
-        let sat = super::tune("SAT", SATURATION);
-        let long = if sum > 0.0 { if super::tune("LOG", 1.0) > 0.0 { sat * math::ln_1p(sum / sat) } else { 2.0 * sat * ((1.0 + sum / sat).sqrt() - 1.0) } } else { sum };
+        // Grows as the sum first and as its root where an edge is very long.
+        let long = if sum > 0.0 { 2.0 * SATURATION * ((1.0 + sum / SATURATION).sqrt() - 1.0) } else { sum };
         support.log_ratio += math::ln(seen * math::exp(long) + 1.0 - seen);
     }
     support.looked_for = said.len();

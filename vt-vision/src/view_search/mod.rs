@@ -17,8 +17,3 @@ pub use alignment::Support;
 pub use params::ViewSearchParams;
 pub use reinitializer::ViewReinitializer;
 pub use search::{FoundPose, ViewSearch};
-
-/// TEMPORARY
-pub fn tune(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}

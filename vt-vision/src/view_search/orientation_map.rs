@@ -30,7 +30,7 @@ const UNIT: f64 = 0.8;
 const MISS: f64 = 0.15;
 
 /// Half the side of the window in which edges are counted, pixels.
-const WINDOW: usize = 20;
+const WINDOW: usize = 48;
 
 /// Positions that are summed together.
 pub const BLOCK: usize = 64;
@@ -53,7 +53,7 @@ pub fn fine_bin(normal: &Vector2<f64>) -> usize {
 }
 
 /// Share of edge pixels above which a picture is full of them.
-const CROWDED: f64 = 0.08;
+const CROWDED: f64 = 0.1;
 
 /// One bit for every orientation of an edge at each pixel of a picture; a pixel without an edge has none.
 #[derive(Clone, Debug, Default)]
@@ -71,7 +71,7 @@ impl EdgeBits {
     /// Finds the edges of at least `min_contrast` grey levels; where the picture is full of edges, the strongest ones
     /// only.
     pub fn compute(&mut self, image: &GrayImage, min_contrast: f64) {
-        let most = (super::tune("CROWDED", CROWDED) * f64::from(image.width() * image.height())) as usize;
+        let most = (CROWDED * f64::from(image.width() * image.height())) as usize;
         let mut contrast = min_contrast;
         for _ in 0..12 {
             self.edges.compute(image, None, contrast);
@@ -105,8 +105,7 @@ pub fn blurred(image: &GrayImage, min_contrast: f64) -> (GrayImage, f64) {
     }
     let mut out = GrayImage::new(image.width(), image.height());
     for (y, line) in out.chunks_exact_mut(w.max(1)).enumerate() {
-        let [above, here, below] =
-            [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|r| &rows[r * w..][..w]);
+        let [above, here, below] = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|r| &rows[r * w..][..w]);
         for x in 0..w {
             line[x] = ((above[x] + 2 * here[x] + below[x] + 8) / 16) as u8;
         }

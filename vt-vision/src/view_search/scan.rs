@@ -74,7 +74,6 @@ fn keep(
 /// The best places of `view` at all turns.
 fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
     let points = &view.points[..view.points.len().min(POINTS)];
-    let first_least = super::tune("FLEAST", FIRST_LEAST);
     let full = points.len() as f64 * f64::from(FULL);
     let mut starts = Vec::with_capacity(points.len());
     let mut hits = vec![];
@@ -90,8 +89,8 @@ fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
             map.start(bin(angle, BINS), pixel(c * x - s * y), pixel(s * x + c * y))
         }));
         let mut places = [(0, 0); PLACES];
-        let mut least = (super::tune("LEAST", LEAST) * full) as u8;
-        let few_least = (first_least * starts.len().min(FIRST) as f64 * f64::from(FULL)) as u8;
+        let mut least = (LEAST * full) as u8;
+        let few_least = (FIRST_LEAST * starts.len().min(FIRST) as f64 * f64::from(FULL)) as u8;
         for first in (0..map.positions()).step_by(BLOCK) {
             let mut sums = [0; BLOCK];
             let (few, rest) = starts.split_at(starts.len().min(FIRST));
@@ -127,10 +126,9 @@ pub fn scan(views: &[View], map: &OrientationMap, most: usize) -> Vec<Hit> {
     };
     let mut kept: Vec<(Hit, nalgebra::UnitQuaternion<f64>)> = vec![];
     let mut crowd = std::collections::BTreeMap::new();
-    let crowd_most = super::tune("CROWD", 30.0) as usize;
     for hit in hits {
         let here = crowd.entry(hit.at.map(|c| (c / PLACE) as i32)).or_insert(0);
-        if *here >= crowd_most {
+        if *here >= CROWD {
             continue;
         }
 
@@ -156,5 +154,8 @@ const SAME_PLACE: f64 = 4.5;
 /// Cosine of half the angle up to which two hits are the same: 12°.
 const SAME_ROTATION: f64 = 0.994_5;
 
-/// Side of the cells in each of which so many hits are kept, pixels.
+/// Side of the cells in each of which at most [`CROWD`] hits are kept, pixels.
 const PLACE: f64 = 8.0;
+
+/// Most hits of a cell; otherwise the views of one simple shape in the background crowd all others out.
+const CROWD: usize = 30;

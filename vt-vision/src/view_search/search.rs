@@ -20,8 +20,8 @@ use vt_models::warp::Se3Warp;
 
 use super::alignment::{LevelEdges, SCALES, Site, Support, align, support};
 use super::orientation_map::{EdgeBits, OrientationMap, blurred, resized};
-use super::scan::{self, Hit, scan};
 use super::params::ViewSearchParams;
+use super::scan::{self, Hit, scan};
 use super::views::{ContourPoint, View, Views, focal};
 use crate::edge::{EdgeModality, EdgeParams};
 use crate::pyramid::{Pyramid, PyramidProcessing};
@@ -37,6 +37,12 @@ const QUICK_SCALES: [f64; 5] = [5.0, 4.0, 3.0, 2.0, 1.5];
 
 /// Size of the object on the pyramid level on which it is aligned first: from here to twice as large.
 const ALIGNED_SIZE: f64 = 60.0;
+
+/// Candidates that are aligned with all points of their view.
+const ALIGNED: usize = 600;
+
+/// Deviation of an edge from the contour where the object is when poses are judged, pixels of the picture.
+const JUDGED: f64 = 0.7;
 
 /// A pose found.
 #[derive(Clone, Debug)]
@@ -69,7 +75,8 @@ struct Candidate {
 
 /// The first `most` points of a view.
 fn sites_of(view: &View, most: usize) -> Vec<Site> {
-    let site = |p: &ContourPoint| Site { point: p.point, tangent: p.tangent, edge: p.edge, contour: p.contour };
+    let site =
+        |p: &ContourPoint| Site { point: p.point, tangent: p.tangent, edge: p.edge, contour: p.contour };
     view.points.iter().take(most).map(site).collect()
 }
 
@@ -134,14 +141,14 @@ impl ViewSearch {
         for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
             candidates.extend(self.scan(image, &picture, index));
         }
-        let best = self.distinct(candidates, super::tune("ALIGNED", 600.0) as usize, 0.4);
+        let best = self.distinct(candidates, ALIGNED, 0.4);
         let candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
-        let best = self.distinct(candidates, super::tune("COMPARED", self.params.compared as f64) as usize, 0.5);
+        let best = self.distinct(candidates, self.params.compared, 0.5);
         let compared = best
             .par_iter()
             .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
             .collect::<Vec<_>>();
-        let best = self.distinct(compared, super::tune("REFINED", self.params.refined as f64) as usize, 2.0);
+        let best = self.distinct(compared, self.params.refined, 2.0);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
         let mut found: Vec<FoundPose> = refined
@@ -166,7 +173,7 @@ impl ViewSearch {
             .map(|l| {
                 let mut level = LevelEdges::default();
                 let least = self.params.min_contrast;
-                if l == 0 && super::tune("BLUR", 1.0) > 0.0 {
+                if l == 0 {
                     let (picture, least) = blurred(image, least);
                     level.edges.compute(&picture, least);
                 } else {
@@ -196,7 +203,7 @@ impl ViewSearch {
         edges.compute(&small, self.params.min_contrast);
         map.compute(&edges, scan::REACH);
         let views = self.views.at_size(size);
-        let hits = scan(views, &map, super::tune("HITS", self.params.hits as f64) as usize);
+        let hits = scan(views, &map, self.params.hits);
         let level = (self.level(size) as usize + usize::from(size > 80.0)).min(picture.levels.len() - 1);
         let level = &picture.levels[level];
         let warp = Se3Warp::new(self.camera);
@@ -273,7 +280,15 @@ impl ViewSearch {
         let length: f64 = sites.iter().map(|s| f64::from(s.weight)).sum();
         let spacing = length / (sites.len() as f64).max(1.0) / f64::from(1_u32 << level);
         (
-            sites.iter().map(|s| Site { point: s.p_in_object, tangent: s.tangent, edge: s.edge, contour: s.contour.is_some() }).collect(),
+            sites
+                .iter()
+                .map(|s| Site {
+                    point: s.p_in_object,
+                    tangent: s.tangent,
+                    edge: s.edge,
+                    contour: s.contour.is_some(),
+                })
+                .collect(),
             spacing,
         )
     }
@@ -296,7 +311,12 @@ impl ViewSearch {
         let edges = &picture.levels[0];
         let (sites, spacing) = self.sites(seen, &pose, edges.level);
         let warp = Se3Warp::new(self.camera);
-        Candidate { pose, support: support(edges, &warp, &pose, &sites, spacing, 1.0), size: 0.0, view: None }
+        Candidate {
+            pose,
+            support: support(edges, &warp, &pose, &sites, spacing, JUDGED),
+            size: 0.0,
+            view: None,
+        }
     }
 
     /// Lets the edge modality refine a candidate.
