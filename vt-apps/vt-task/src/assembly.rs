@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
-use vt_core::agent::{LossDetector, Output, Reinitializer, Sensor};
+use vt_core::agent::{LossDetector, Output, Sensor};
 use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
@@ -232,34 +232,6 @@ impl TargetContext<'_> {
     }
 }
 
-impl TargetContext<'_> {
-    /// The re-initialiser of targets that name none: the search of views where there is one for the pose space, the
-    /// target is measured by its edges in a calibrated picture, and it is free in all directions.
-    fn default_reinitializer<P: Coordinates>(
-        &self,
-        context: ReinitContext<'_, P>,
-    ) -> Result<Option<Box<dyn Reinitializer<P>>>, ReadError>
-    where
-        DefaultAllocator: Alloc<P::D>,
-    {
-        let edges = self.task.targets[self.index].modalities.iter().any(|m| m.kind == "edges");
-        let known = self
-            .registry
-            .listings()
-            .iter()
-            .any(|l| l.key == "reinit" && l.kind == "views" && l.spaces.contains(&P::SPACE));
-        let free = context.body.freedom.0.iter().all(|free| *free);
-        if !(edges && known && free && context.body.camera.is_some()) {
-            return Ok(None);
-        }
-        let text = "kind = \"views\"";
-        let Ok(document) = Document::parse("default", text, self.document.base(), &[], &|_| None) else {
-            return Ok(None);
-        };
-        self.registry.build::<Reinits<P>>(document.root(), context).map(Some)
-    }
-}
-
 /// Without a loss detector a target counts as tracked.
 struct NeverLost;
 
@@ -351,11 +323,8 @@ where
     let estimator =
         registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
     let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
-    let reinit = || ReinitContext { prior: known.then_some(&prior), body };
-    let reinitializer = match c.optional::<Reinits<P>>("reinit", reinit())? {
-        None if section.loss.is_some() => c.default_reinitializer(reinit())?,
-        given => given,
-    };
+    let context = ReinitContext { prior: known.then_some(&prior), body };
+    let reinitializer = c.optional::<Reinits<P>>("reinit", context)?;
     c.optional::<Fusions>("fusion", ())?;
 
     // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.

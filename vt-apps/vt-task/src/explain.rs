@@ -108,10 +108,7 @@ impl Sheet<'_> {
             ("Output", "posterior and prediction with covariance".to_owned()),
             ("Loss detection", self.optional("loss", target.loss.as_ref(), "none")),
             ("Initialisation", self.choice("init", &target.init)),
-            (
-                "Re-initialisation",
-                self.optional("reinit", target.reinit.as_ref(), "`views` where it can be used"),
-            ),
+            ("Re-initialisation", self.optional("reinit", target.reinit.as_ref(), "none")),
         ];
         for (name, value) in rows {
             self.row(name, &value);

@@ -147,8 +147,7 @@ pub struct TargetSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(schema_with = "choice::loss")]
     pub loss: Option<Choice>,
-    /// What is tried after a loss; without it, a search of views where the target has a loss detector, edges and a
-    /// calibrated camera.
+    /// What is tried after a loss.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(schema_with = "choice::reinit")]
     pub reinit: Option<Choice>,
