@@ -4,6 +4,8 @@
 //! sizes (LINE-MOD: Hinterstoisser and others, 2012); the picture is resized so that the body always has the same few
 //! pixels. The best hits of every size are aligned with the edges, compared by a likelihood ratio against edges that
 //! are there by chance, and refined by the edge modality. Nothing is learnt and nothing is random.
+//!
+//! A pose found is a proposal: pictures without the body give some, too, where the background has shapes like it.
 
 mod alignment;
 mod orientation_map;
