@@ -23,7 +23,7 @@ use vt_models::visibility::{VisibilityOptions, VisibleEdges};
 use vt_sim::scenario::{Disturbance, Scenario};
 use vt_tests::monte_carlo::body;
 use vt_tests::replay::Replay;
-use vt_vision::view_search::{FoundPose, ViewSearch, ViewSearchParams};
+use vt_vision::view_search::{FoundPose, TRUSTED, ViewSearch, ViewSearchParams};
 
 /// Success of the search of views, per set of pictures: bodies `bracket`, `house`, `stairs`, `tee`, `wedge`, and
 /// `castle` and `cube` of ViSP's data set.
@@ -160,7 +160,7 @@ fn overlay(
         let Some(pose) = pose else { continue };
         seen.update(&set.mesh, edges, &set.camera, pose, &options);
         for site in seen.sites() {
-            canvas.disc([site.pixel.x, site.pixel.y], 0.8, colour, 1.0);
+            canvas.disc([site.pixel.x, site.pixel.y], 0.8, colour, 0.5);
         }
     }
     canvas.text(4, 4, &case.name, [255, 255, 0]);
@@ -182,6 +182,8 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
     let prepared = 0.5 * begin.elapsed().as_secs_f64();
     let all: Vec<usize> = (0..search.sizes()).collect();
     let (mut good, mut wrong, mut none, mut ranked) = (0, 0, 0, 0);
+    // Poses proposed as trusted, right and wrong.
+    let mut trusted = [0, 0];
     let (mut walls, mut cpus) = (vec![], vec![]);
     for case in &pictures.cases {
         let begin = (Instant::now(), ProcessTime::now());
@@ -193,6 +195,9 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
             found.iter().map(|f| error(&symmetries, &f.pose.mean, &case.truth)).collect();
         let ok = !absent && errors.first().is_some_and(right);
         good += usize::from(ok);
+        if first.is_some_and(|f| f.support.trust() >= TRUSTED) {
+            trusted[usize::from(!ok)] += 1;
+        }
         none += usize::from(first.is_none());
         wrong += usize::from(first.is_some() && !ok);
         ranked += usize::from(errors.iter().any(right));
@@ -201,10 +206,11 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
         }
         match (first, errors.first()) {
             (Some(f), Some(e)) => println!(
-                "  {}: {:.1} mm {:.1} deg, support {:?}; right one: {:?} of {}",
+                "  {}: {:.1} mm {:.1} deg, trust {:.0}, support {:?}; right one: {:?} of {}",
                 case.name,
                 1e3 * e.translation,
                 e.rotation.to_degrees(),
+                f.support.trust(),
                 f.support,
                 errors.iter().position(right),
                 found.len()
@@ -219,10 +225,13 @@ fn measure(set: &Set, pictures: &Set, a: &Arguments) -> Result<()> {
     }
     println!(
         "{:<8} in {:<8} right {good:>3} of {:<3}  wrong {wrong:>3}  not found {none:>3}  among {ranked:>3}   \
+         trusted: right {:>3} wrong {:>3}   \
          {:.2} / {:.2} s, CPU / 2 {:.2} / {:.2} s; prepared in {prepared:.2} s",
         set.name,
         pictures.name,
         pictures.cases.len(),
+        trusted[0],
+        trusted[1],
         quantile(&mut walls, 0.5),
         quantile(&mut walls, 0.9),
         quantile(&mut cpus, 0.5),

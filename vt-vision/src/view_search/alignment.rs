@@ -146,16 +146,47 @@ pub struct Support {
     pub share: f64,
     /// Points of the contour inside the picture.
     pub looked_for: usize,
+    /// Edges of the model that the picture shows.
+    pub edges: usize,
+    /// Length of the occluding contour of those that it does not show, pixels of the full picture.
+    pub missing: f64,
 }
 
-/// Calls `f(site, look, jacobian)` for every site inside the picture; the last is `∂(n · y)/∂δ` in pixels of the level.
+impl Support {
+    /// How far the pose can be trusted to be no shape of the background; [`TRUSTED`] is enough. Long edges are common
+    /// there, but seldom many at once, and the contour of a body is seldom hard to see.
+    pub fn trust(&self) -> f64 {
+        self.log_ratio + EDGE_TRUST * self.edges as f64 - MISSING_TRUST * self.missing / INDEPENDENT
+    }
+}
+
+/// [`Support::trust`] that at most one in twenty pictures without the body exceed.
+pub const TRUSTED: f64 = 105.0;
+
+/// Trust for each edge of the model that is seen, nats.
+const EDGE_TRUST: f64 = 4.0;
+
+/// Distrust for each independent length of contour that is not, nats.
+const MISSING_TRUST: f64 = 0.5;
+
+/// An edge of the model is seen from here on, nats.
+const SEEN: f64 = 2.5;
+
+/// An edge of the model is not seen below this per pixel of its length, nats.
+const UNSEEN: f64 = 0.02;
+
+/// A contour point in a picture: where, and its normal.
+type Seen = (Point2<f64>, Vector2<f64>);
+
+/// Calls `f(site, seen, look, jacobian)` for every site inside the picture; the last is `∂(n · y)/∂δ` in pixels of the
+/// level.
 fn each(
     level: &LevelEdges,
     warp: &Se3Warp,
     pose: &SE3,
     sites: impl Iterator<Item = Site>,
     range: f64,
-    mut f: impl FnMut(&Site, (Option<f64>, f64), Vector6<f64>),
+    mut f: impl FnMut(&Site, Seen, (Option<f64>, f64), Vector6<f64>),
 ) {
     let posed = warp.at(pose);
     let pixel = from_level(1.0, level.level) - from_level(0.0, level.level);
@@ -166,7 +197,7 @@ fn each(
         let normal = Vector2::new(-along.y, along.x);
         let at = Point2::new(to_level(y.x, level.level), to_level(y.y, level.level));
         if let Some(look) = level.look(at, &normal, range) {
-            f(&site, look, j.tr_mul(&normal) / pixel);
+            f(&site, (at, normal), look, j.tr_mul(&normal) / pixel);
         }
     }
 }
@@ -188,7 +219,7 @@ pub fn align(
         let mut system = Matrix6::from_diagonal(&prior.map(|s| 1.0 / (s * s)));
         let mut gradient = Vector6::zeros();
         let range = (2.5 * scale).min(RANGE);
-        each(level, warp, &pose, sites.iter().copied(), range, |_, (found, _), j| {
+        each(level, warp, &pose, sites.iter().copied(), range, |_, _, (found, _), j| {
             if let Some(r) = found {
                 let weight = 1.0 / (1.0 + (r / scale).powi(2)).powi(2) / (scale * scale);
                 system.ger(weight, &j, &j, 1.0);
@@ -205,6 +236,45 @@ pub fn align(
     pose
 }
 
+/// What a point of the contour says.
+struct Said {
+    /// Edge of the model, and whether it is an occluding contour there.
+    group: (u32, bool),
+    /// Where the edge of the picture is.
+    on: Point2<f64>,
+    normal: Vector2<f64>,
+    /// Log-likelihood ratio.
+    nats: f64,
+}
+
+/// An edge of the picture counts once: what it says is shared by all edges of the model that claim it. Views in which
+/// many edges coincide would otherwise find themselves in every simple shape.
+fn share_claims(said: &mut [Said], spacing: f64) {
+    let claims: Vec<f64> = said
+        .iter()
+        .map(|a| {
+            let same = said.iter().filter(|b| {
+                let d = b.on - a.on;
+                b.nats > 0.0
+                    && b.group != a.group
+                    && d.norm_squared() < 0.25 * spacing * spacing + SAME_EDGE * SAME_EDGE
+                    && a.normal.dot(&d).abs() < SAME_EDGE
+                    && a.normal.dot(&b.normal).abs() > PARALLEL
+            });
+            1.0 + same.count() as f64
+        })
+        .collect();
+    for (a, n) in said.iter_mut().zip(claims).filter(|(a, _)| a.nats > 0.0) {
+        a.nats /= n;
+    }
+}
+
+/// Distance across of two claims to one edge of a picture, pixels.
+const SAME_EDGE: f64 = 1.5;
+
+/// Cosine of the angle up to which two edges are parallel: 18°.
+const PARALLEL: f64 = 0.95;
+
 /// How far the edges speak for `pose`; `spacing` is the length of contour of a site and `sigma` the deviation of an
 /// edge from the contour where the object is, both in pixels of the level.
 ///
@@ -220,10 +290,10 @@ pub fn support(
 ) -> Support {
     let mut support = Support::default();
     let mut near = 0;
-    let mut said: Vec<(u32, bool, f64)> = Vec::with_capacity(sites.len());
+    let mut said: Vec<Said> = Vec::with_capacity(sites.len());
     // Shapes of the background have some size in the picture, whatever the level.
     let weight = spacing * f64::from(1_u32 << level.level) / INDEPENDENT;
-    each(level, warp, pose, sites.iter().copied(), 4.0 * sigma, |site, (found, density), _| {
+    each(level, warp, pose, sites.iter().copied(), 4.0 * sigma, |site, (at, normal), (found, density), _| {
         let mut ratio = MISS;
         if let Some(r) = found {
             let there = math::exp(-0.5 * (r / sigma).powi(2)) / (sigma * SQRT_TAU);
@@ -231,12 +301,19 @@ pub fn support(
             ratio += (1.0 - MISS) * there / chance;
             near += usize::from(r.abs() <= 2.0 * sigma);
         }
-        said.push((site.edge, site.contour, weight * math::ln(ratio)));
+        let on = at + normal * found.unwrap_or(0.0);
+        said.push(Said { group: (site.edge, site.contour), on, normal, nats: weight * math::ln(ratio) });
     });
-    said.sort_by_key(|(edge, contour, _)| (*edge, *contour));
-    for points in said.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        let sum: f64 = points.iter().map(|p| p.2).sum();
-        let seen = if points[0].1 { CONTOUR_SEEN } else { CREASE_SEEN };
+    share_claims(&mut said, spacing);
+    said.sort_by_key(|s| s.group);
+    for points in said.chunk_by(|a, b| a.group == b.group) {
+        let sum: f64 = points.iter().map(|p| p.nats).sum();
+        let length = points.len() as f64 * spacing;
+        support.edges += usize::from(sum > SEEN);
+        if points[0].group.1 && sum < UNSEEN * length {
+            support.missing += length * f64::from(1_u32 << level.level);
+        }
+        let seen = if points[0].group.1 { CONTOUR_SEEN } else { CREASE_SEEN };
         // Grows as the sum first and as its root where an edge is very long.
         let long = if sum > 0.0 { 2.0 * SATURATION * ((1.0 + sum / SATURATION).sqrt() - 1.0) } else { sum };
         support.log_ratio += math::ln(seen * math::exp(long) + 1.0 - seen);

@@ -8,6 +8,7 @@
 //! A pose found is a proposal: pictures without the body give some, too, where the background has shapes like it.
 
 mod alignment;
+mod lookalikes;
 mod orientation_map;
 mod params;
 mod reinitializer;
@@ -15,7 +16,7 @@ mod scan;
 mod search;
 mod views;
 
-pub use alignment::Support;
+pub use alignment::{Support, TRUSTED};
 pub use params::ViewSearchParams;
 pub use reinitializer::ViewReinitializer;
 pub use search::{FoundPose, ViewSearch};

@@ -23,6 +23,12 @@ pub const SPREAD: usize = 4;
 /// Largest answer, to an edge of the right orientation where there are few of it.
 pub const FULL: u8 = 6;
 
+/// Plane of the answers to no edge at all.
+pub const EMPTY: usize = BINS;
+
+/// Largest answer to no edge, where there are many.
+pub const FULL_EMPTY: u8 = 2;
+
 /// One unit of an answer, nats.
 const UNIT: f64 = 0.8;
 
@@ -53,7 +59,7 @@ pub fn fine_bin(normal: &Vector2<f64>) -> usize {
 }
 
 /// Share of edge pixels above which a picture is full of them.
-const CROWDED: f64 = 0.1;
+const CROWDED: f64 = 0.2;
 
 /// One bit for every orientation of an edge at each pixel of a picture; a pixel without an edge has none.
 #[derive(Clone, Debug, Default)]
@@ -143,6 +149,14 @@ fn answers() -> [u8; 256] {
     })
 }
 
+/// Answers to no edge at all where one is by chance with probability `k / 255`, in the same units.
+fn empty_answers() -> [u8; 256] {
+    core::array::from_fn(|k| {
+        let none = math::ln(1.0 - (k as f64 / 255.0).min(0.95));
+        (-none / UNIT).round().min(f64::from(FULL_EMPTY)) as u8
+    })
+}
+
 /// Fine orientations as coarse ones.
 fn coarse(fine: u16) -> u8 {
     (0..BINS).fold(0, |set, k| set | u8::from(fine >> (2 * k) & 3 != 0) << k)
@@ -179,31 +193,41 @@ impl OrientationMap {
         }
         let table = answers();
         self.answers.clear();
-        self.answers.resize(BINS * SPREAD * SPREAD * self.plane, 0);
+        self.answers.resize((BINS + 1) * SPREAD * SPREAD * self.plane, 0);
         for o in 0..BINS {
             let own = 1_u8 << o;
             let beside = 1 << ((o + 1) % BINS) | 1 << ((o + BINS - 1) % BINS);
             self.count(own, w, h);
-            for y in 0..h {
-                let (top, bottom) = (y.saturating_sub(WINDOW), (y + WINDOW + 1).min(h));
-                for x in 0..w {
-                    let set = self.spread[y * w + x];
-                    if set & (own | beside) == 0 {
-                        continue;
-                    }
-                    let (left, right) = (x.saturating_sub(WINDOW), (x + WINDOW + 1).min(w));
-                    let at = |row: usize, column: usize| self.counts[row * (w + 1) + column];
-                    let count = at(bottom, right) + at(top, left) - at(top, right) - at(bottom, left);
-                    let area = ((bottom - top) * (right - left)) as u32;
-                    let full = table[(count * 255 / area) as usize];
-                    let (start, place) = self.place(o, x as i32, y as i32);
-                    self.answers[start + place] = if set & own != 0 { full } else { full / 2 };
+            self.answer(o, w, h, |set, chance| match () {
+                () if set & own != 0 => table[chance],
+                () if set & beside != 0 => table[chance] / 2,
+                () => 0,
+            });
+        }
+        let table = empty_answers();
+        self.count(u8::MAX, w, h);
+        self.answer(EMPTY, w, h, |set, chance| if set == 0 { table[chance] } else { 0 });
+    }
+
+    /// Fills a plane with `answer(orientations here, 255 × share of counted pixels around)`.
+    fn answer(&mut self, plane: usize, w: usize, h: usize, answer: impl Fn(u8, usize) -> u8) {
+        for y in 0..h {
+            let (top, bottom) = (y.saturating_sub(WINDOW), (y + WINDOW + 1).min(h));
+            for x in 0..w {
+                let (left, right) = (x.saturating_sub(WINDOW), (x + WINDOW + 1).min(w));
+                let at = |row: usize, column: usize| self.counts[row * (w + 1) + column];
+                let count = at(bottom, right) + at(top, left) - at(top, right) - at(bottom, left);
+                let area = ((bottom - top) * (right - left)) as u32;
+                let value = answer(self.spread[y * w + x], (count * 255 / area) as usize);
+                if value != 0 {
+                    let (start, place) = self.place(plane, x as i32, y as i32);
+                    self.answers[start + place] = value;
                 }
             }
         }
     }
 
-    /// Sums of the pixels with this orientation over all rectangles from the corner.
+    /// Sums of the pixels with one of these orientations over all rectangles from the corner.
     fn count(&mut self, own: u8, w: usize, h: usize) {
         self.counts.clear();
         self.counts.resize((w + 1) * (h + 1), 0);

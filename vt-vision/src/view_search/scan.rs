@@ -4,14 +4,24 @@
 use rayon::prelude::*;
 use vt_core::math;
 
-use super::orientation_map::{BINS, BLOCK, FULL, OrientationMap, bin};
+use super::orientation_map::{BINS, BLOCK, EMPTY, FULL, FULL_EMPTY, OrientationMap, bin};
 use super::views::{View, half_turn};
 
-/// Size of the bounding sphere in the searched picture, pixels.
+/// Least size of the bounding sphere in the searched picture, pixels.
 pub const SIZE: f64 = 32.0;
 
+/// Size of the bounding sphere in the searched picture, pixels, for an object of this size in the whole picture: large
+/// ones need finer templates, since the shapes around them are smaller than they are.
+pub fn searched_size(size: f64) -> f64 {
+    (0.4 * size).clamp(SIZE, 64.0)
+}
+
 /// Contour points that are compared.
-const POINTS: usize = 40;
+const POINTS: usize = 36;
+
+/// Points inside the contour at which there should be no edge; with those of the contour the sums fit a byte.
+pub const INSIDE: usize = 16;
+const _: () = assert!(POINTS * FULL as usize + INSIDE * FULL_EMPTY as usize <= u8::MAX as usize);
 
 /// Points after which places that fall behind are given up.
 const FIRST: usize = 14;
@@ -27,9 +37,6 @@ const LEAST: f64 = 0.4;
 
 /// Best places kept of each turned view.
 const PLACES: usize = 2;
-
-/// Pixels from its centre that a template may reach.
-pub const REACH: usize = 32;
 
 /// A view found somewhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +79,7 @@ fn keep(
 }
 
 /// The best places of `view` at all turns.
-fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
+fn places_of(index: usize, view: &View, map: &OrientationMap, size: f64) -> Vec<Hit> {
     let points = &view.points[..view.points.len().min(POINTS)];
     let full = points.len() as f64 * f64::from(FULL);
     let mut starts = Vec::with_capacity(points.len());
@@ -81,19 +88,23 @@ fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
         let roll = turn as f64 * core::f64::consts::TAU / ROLLS as f64;
         let (s, c) = math::sin_cos(roll);
         starts.clear();
+        let start = |at: [f32; 2], plane: usize| {
+            let [x, y] = at.map(f64::from);
+            // A template reaches this many pixels from its centre at most.
+            let pixel = |v: f64| (v * size).clamp(-size, size).round() as i32;
+            map.start(plane, pixel(c * x - s * y), pixel(s * x + c * y))
+        };
         starts.extend(points.iter().map(|p| {
-            let [x, y] = p.at.map(f64::from);
-            let limit = REACH as f64;
-            let pixel = |v: f64| (v * SIZE).clamp(-limit, limit).round() as i32;
             let angle = half_turn(f64::from(p.angle) + roll);
-            map.start(bin(angle, BINS), pixel(c * x - s * y), pixel(s * x + c * y))
+            start(p.at, bin(angle, BINS))
         }));
+        starts.extend(view.inside.iter().map(|&at| start(at, EMPTY)));
         let mut places = [(0, 0); PLACES];
         let mut least = (LEAST * full) as u8;
-        let few_least = (FIRST_LEAST * starts.len().min(FIRST) as f64 * f64::from(FULL)) as u8;
+        let few_least = (FIRST_LEAST * points.len().min(FIRST) as f64 * f64::from(FULL)) as u8;
         for first in (0..map.positions()).step_by(BLOCK) {
             let mut sums = [0; BLOCK];
-            let (few, rest) = starts.split_at(starts.len().min(FIRST));
+            let (few, rest) = starts.split_at(points.len().min(FIRST));
             map.sum(few, first, &mut sums);
             if sums.iter().fold(0, |m, &s| m.max(s)) < few_least {
                 continue;
@@ -111,9 +122,10 @@ fn places_of(index: usize, view: &View, map: &OrientationMap) -> Vec<Hit> {
 }
 
 /// The `most` best hits, best first, of which no two are the same: near each other with nearly the same rotation.
-pub fn scan(views: &[View], map: &OrientationMap, most: usize) -> Vec<Hit> {
+/// `size` is that of the bounding sphere in the searched picture, pixels.
+pub fn scan(views: &[View], map: &OrientationMap, size: f64, most: usize) -> Vec<Hit> {
     let mut hits: Vec<Hit> =
-        views.par_iter().enumerate().flat_map_iter(|(k, view)| places_of(k, view, map)).collect();
+        views.par_iter().enumerate().flat_map_iter(|(k, view)| places_of(k, view, map, size)).collect();
     hits.sort_by(|a, b| {
         b.score
             .total_cmp(&a.score)

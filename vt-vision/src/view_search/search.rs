@@ -19,6 +19,7 @@ use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptio
 use vt_models::warp::Se3Warp;
 
 use super::alignment::{LevelEdges, SCALES, Site, Support, align, support};
+use super::lookalikes::lookalikes;
 use super::orientation_map::{EdgeBits, OrientationMap, blurred, resized};
 use super::params::ViewSearchParams;
 use super::scan::{self, Hit, scan};
@@ -43,6 +44,9 @@ const ALIGNED: usize = 600;
 
 /// Deviation of an edge from the contour where the object is when poses are judged, pixels of the picture.
 const JUDGED: f64 = 0.7;
+
+/// Candidates of which poses that look alike are compared, too.
+const LOOKALIKES: usize = 6;
 
 /// A pose found.
 #[derive(Clone, Debug)]
@@ -144,10 +148,18 @@ impl ViewSearch {
         let best = self.distinct(candidates, ALIGNED, 0.4);
         let candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
         let best = self.distinct(candidates, self.params.compared, 0.5);
-        let compared = best
-            .par_iter()
-            .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
-            .collect::<Vec<_>>();
+        let compare = |all: &[Candidate]| -> Vec<Candidate> {
+            all.par_iter()
+                .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
+                .collect()
+        };
+        let mut compared = compare(&best);
+        let others = self.distinct(compared.clone(), LOOKALIKES, 2.0);
+        let others: Vec<Candidate> = others
+            .iter()
+            .flat_map(|c| lookalikes(&c.pose, &self.views.center).map(|pose| Candidate { pose, ..*c }))
+            .collect();
+        compared.extend(compare(&others));
         let best = self.distinct(compared, self.params.refined, 2.0);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
@@ -196,14 +208,15 @@ impl ViewSearch {
         let size = self.size(index);
         // Unequal focal lengths are made equal.
         let (fx, fy) = self.camera.focal();
-        let factor = |f: f64| (scan::SIZE / size * focal(&self.camera) / f).min(1.0);
+        let searched = scan::searched_size(size);
+        let factor = |f: f64| (searched / size * focal(&self.camera) / f).min(1.0);
         let factors = [factor(fx), factor(fy)];
         let small = resized(image, factors);
         let (mut edges, mut map) = (EdgeBits::default(), OrientationMap::default());
         edges.compute(&small, self.params.min_contrast);
-        map.compute(&edges, scan::REACH);
+        map.compute(&edges, searched.ceil() as usize);
         let views = self.views.at_size(size);
-        let hits = scan(views, &map, self.params.hits);
+        let hits = scan(views, &map, searched, self.params.hits);
         let level = (self.level(size) as usize + usize::from(size > 80.0)).min(picture.levels.len() - 1);
         let level = &picture.levels[level];
         let warp = Se3Warp::new(self.camera);

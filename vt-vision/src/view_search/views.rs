@@ -8,7 +8,10 @@ use vt_core::math;
 use vt_models::camera::Camera;
 use vt_models::edges::EdgeModel;
 use vt_models::mesh::Mesh;
+use vt_models::raster::NONE;
 use vt_models::visibility::{EdgeSite, VisibilityOptions, VisibleEdges};
+
+use super::scan::INSIDE;
 
 /// Size at which views are rendered, pixels for the diameter of the bounding sphere.
 const RENDERED: f64 = 128.0;
@@ -21,6 +24,12 @@ const STEP: f64 = 3.0;
 
 /// Most contour points kept of a view.
 pub(super) const POINTS: usize = 96;
+
+/// Distance of the places inside the outline that are looked at, rendered pixels.
+const GRID: usize = 5;
+
+/// Their distance from visible edges, diameters of the bounding sphere: farther than edges are spread.
+const CLEARANCE: f32 = 0.1;
 
 /// A view with fewer points shows too little to be found.
 const FEWEST: usize = 8;
@@ -49,6 +58,8 @@ pub struct View {
     pub rotation: UnitQuaternion<f64>,
     /// Points of the contour, well spread: each is the one farthest from all before it.
     pub points: Vec<ContourPoint>,
+    /// Places inside the outline where no edge is seen, in diameters of the bounding sphere, well spread.
+    pub inside: Vec<[f32; 2]>,
     /// Length of the visible contour in diameters of the bounding sphere.
     pub length: f64,
 }
@@ -220,8 +231,29 @@ fn view(
         })
         .collect();
     let length = seen.sites().iter().map(|s| f64::from(s.weight)).sum::<f64>() / RENDERED;
-    let points = spread(&all, POINTS);
-    (points.len() >= FEWEST).then_some(View { rotation, points, length })
+    let points = spread(&all, POINTS, |p| p.at);
+    let inside = inside(seen, &all, middle);
+    (points.len() >= FEWEST).then_some(View { rotation, points, inside, length })
+}
+
+/// Places of the drawn object away from all its visible edges.
+fn inside(seen: &VisibleEdges, edges: &[ContourPoint], middle: f64) -> Vec<[f32; 2]> {
+    let raster = seen.raster();
+    let viewport = raster.viewport();
+    let place = |c: usize, first: i32| ((f64::from(first) + c as f64 - middle) / RENDERED) as f32;
+    let square = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+    let mut free = vec![];
+    for row in (GRID / 2..viewport.height).step_by(GRID) {
+        for column in (GRID / 2..viewport.width).step_by(GRID) {
+            let at = [place(column, viewport.x), place(row, viewport.y)];
+            if raster.ids()[row * viewport.width + column] != NONE
+                && edges.iter().all(|p| square(p.at, at) > CLEARANCE * CLEARANCE)
+            {
+                free.push(at);
+            }
+        }
+    }
+    spread(&free, INSIDE, |at| *at)
 }
 
 /// Angle of the normal of a site's edge in the picture, 0 to π.
@@ -237,19 +269,20 @@ pub(super) fn half_turn(angle: f64) -> f64 {
     angle.rem_euclid(core::f64::consts::PI)
 }
 
-/// At most `count` points of `all`, each the farthest from those before it; the first is the farthest from the centre.
-fn spread(all: &[ContourPoint], count: usize) -> Vec<ContourPoint> {
+/// At most `count` of `all`, each the farthest from those before it; the first is the farthest from the centre.
+fn spread<T: Copy>(all: &[T], count: usize, at: impl Fn(&T) -> [f32; 2]) -> Vec<T> {
     let square = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
     let mut gap: Vec<f32> = vec![f32::INFINITY; all.len()];
-    let mut next = (0..all.len())
-        .max_by(|&a, &b| square(all[a].at, [0.0; 2]).total_cmp(&square(all[b].at, [0.0; 2])).then(b.cmp(&a)));
+    let from_centre = |k: usize| square(at(&all[k]), [0.0; 2]);
+    let mut next =
+        (0..all.len()).max_by(|&a, &b| from_centre(a).total_cmp(&from_centre(b)).then(b.cmp(&a)));
     let mut chosen = vec![];
     while let Some(k) = next.filter(|_| chosen.len() < count) {
         chosen.push(all[k]);
         let mut farthest = 0.0;
         next = None;
         for (i, g) in gap.iter_mut().enumerate() {
-            *g = g.min(square(all[i].at, all[k].at));
+            *g = g.min(square(at(&all[i]), at(&all[k])));
             if *g > farthest {
                 (farthest, next) = (*g, Some(i));
             }
