@@ -232,6 +232,9 @@ impl TargetContext<'_> {
     }
 }
 
+/// What is tried after a loss where the task says nothing.
+pub(crate) const DEFAULT_REINIT: &str = "views";
+
 /// Without a loss detector a target counts as tracked.
 struct NeverLost;
 
@@ -311,7 +314,7 @@ where
         freedom: &freedom,
     };
     let init_node = node(document, &format!("{path}.init"))?;
-    let Start { mut prior, mut known } = registry.build::<Inits<P>>(init_node, init)?;
+    let Start { mut prior, mut known, design } = registry.build::<Inits<P>>(init_node, init)?;
     if c.scene.true_starts.get(c.index).is_some_and(|wanted| *wanted) {
         prior.mean = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
         known = true;
@@ -324,13 +327,23 @@ where
         registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
     let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
     let context = ReinitContext { prior: known.then_some(&prior), body };
-    let reinitializer = c.optional::<Reinits<P>>("reinit", context)?;
+    let reinitializer = match section.reinit {
+        Some(_) => c.optional::<Reinits<P>>("reinit", context)?.flatten(),
+        // Where the method that is meant does not fit the body, a lost target coasts.
+        None if section.loss.is_some() => {
+            let method = registry.method::<Reinits<P>>(DEFAULT_REINIT);
+            let node = Node::empty(document.root().span);
+            method.and_then(|m| m.build(&node, context).ok()).flatten()
+        }
+        None => None,
+    };
     c.optional::<Fusions>("fusion", ())?;
 
-    // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.
+    // The spread of an estimate is judged against that of the prior or
+    // what the init says; a locked coordinate is judged against 1.
     let n = prior.mean.dim();
     let scale = Tangent::<P>::from_fn_generic(n, U1, |k, _| {
-        let deviation = prior.covariance[(k, k)].sqrt();
+        let deviation = design.as_ref().unwrap_or(&prior).covariance[(k, k)].sqrt();
         if deviation > 0.0 { deviation } else { 1.0 }
     });
     let target =

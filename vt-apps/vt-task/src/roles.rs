@@ -87,7 +87,7 @@ pose_roles! {
     /// What is measured.
     Modalities, "modality", "modality", ModalityProduct<P>, ModalityContext<'a>;
     /// What is tried after a loss.
-    Reinits, "re-initialiser", "reinit", Box<dyn Reinitializer<P>>, ReinitContext<'a, P>;
+    Reinits, "re-initialiser", "reinit", Option<Box<dyn Reinitializer<P>>>, ReinitContext<'a, P>;
 }
 
 /// Motion model.
@@ -309,6 +309,8 @@ where
     pub prior: Gaussian<P>,
     /// False when the prior says nothing: the target begins as lost.
     pub known: bool,
+    /// Uncertainty against which that of the estimates is judged, where it is not the prior's.
+    pub design: Option<Gaussian<P>>,
 }
 
 impl<P: Manifold> From<Gaussian<P>> for Start<P>
@@ -316,7 +318,7 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     fn from(prior: Gaussian<P>) -> Self {
-        Self { prior, known: true }
+        Self { prior, known: true, design: None }
     }
 }
 

@@ -2,7 +2,10 @@
 
 use vt_core::error::ConfigError;
 
+use super::alignment::TRUSTED;
 use super::scan;
+#[cfg(doc)]
+use super::alignment::Support;
 
 /// Parameters of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +26,8 @@ pub struct ViewSearchParams {
     pub least_log_ratio: f64,
     /// Least share of the contour that lies on edges.
     pub least_share: f64,
+    /// Least [`Support::trust`] of a pose that is proposed for a lost target, nats.
+    pub least_trust: f64,
 }
 
 impl Default for ViewSearchParams {
@@ -36,6 +41,7 @@ impl Default for ViewSearchParams {
             refined: 16,
             least_log_ratio: 15.0,
             least_share: 0.5,
+            least_trust: TRUSTED,
         }
     }
 }
@@ -51,7 +57,7 @@ impl ViewSearchParams {
             let expected = format!("ascending from at least {} px to at most 10000 px", scan::SIZE);
             return Err(ConfigError::parameter("sizes", format!("[{least}, {most}]"), expected));
         }
-        for (key, v) in [("min_contrast", self.min_contrast), ("least_log_ratio", self.least_log_ratio)] {
+        for (key, v) in [("min_contrast", self.min_contrast), ("least_log_ratio", self.least_log_ratio), ("least_trust", self.least_trust)] {
             if !(v > 0.0 && v.is_finite()) {
                 return Err(ConfigError::parameter(key, v, "a positive number"));
             }

@@ -15,7 +15,7 @@ use vt_models::mesh::Mesh;
 use super::params::ViewSearchParams;
 use super::search::ViewSearch;
 
-/// Proposes the last trusted pose, a prior, and then what a search of views finds.
+/// Proposes the last trusted pose, a prior, and then what a search of views finds and the picture leaves little doubt of.
 ///
 /// The views are prepared when the target is lost for the first time. To bound the work of a frame only some sizes are
 /// searched in it: those nearest to the last trusted size first, and from frame to frame the others in turn.
@@ -108,7 +108,9 @@ impl Reinitializer<SE3> for ViewReinitializer {
         let chosen: Vec<usize> =
             (0..self.sizes_per_frame.min(order.len())).map(|k| order[(searched + k) % order.len()]).collect();
         self.since = Some((last.mean, (searched + chosen.len()) % order.len().max(1)));
-        out.extend(search.search(frame, &chosen)?.into_iter().take(PROPOSED).map(|f| f.pose));
+        let found = search.search(frame, &chosen)?;
+        let trusted = found.into_iter().filter(|f| f.support.trust() >= self.params.least_trust);
+        out.extend(trusted.take(PROPOSED).map(|f| f.pose));
         Ok(())
     }
 }

@@ -139,7 +139,8 @@ impl Params for ReinitPrior {
 pub(super) fn prior(
     p: ReinitPrior,
     context: ReinitContext<'_, SE3>,
-) -> Result<Box<dyn Reinitializer<SE3>>, ConfigError> {
+) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
     let last_trusted = (p.last_trusted > 0.0).then_some(p.last_trusted);
-    Ok(Box::new(PriorPoses { priors: context.prior.cloned().into_iter().collect(), last_trusted }))
+    let priors = context.prior.cloned().into_iter().collect();
+    Ok(Some(Box::new(PriorPoses { priors, last_trusted })))
 }

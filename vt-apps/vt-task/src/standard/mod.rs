@@ -104,6 +104,7 @@ impl Registry {
                 loss::fused,
             ))
             .with(Method::<Losses>::new("covariance", "the paper's test of the covariance", loss::covariance))
+            .with(Method::<Reinits<SE3>>::new("none", "a lost target coasts", views::none))
             .with(Method::<Reinits<SE3>>::new("prior", "the last trusted pose, then the prior", init::prior))
             .with(Method::<Reinits<SE3>>::new(
                 "views",

@@ -9,11 +9,11 @@ use vt_core::agent::Reinitializer;
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
 use vt_models::edges::{EdgeModel, EdgeOptions};
-use vt_vision::view_search::{ViewReinitializer, ViewSearchParams};
+use vt_vision::view_search::{TRUSTED, ViewReinitializer, ViewSearchParams};
 
 use super::init::Sigma;
 use crate::quantity::{Angle, Length, Pixels};
-use crate::registry::Params;
+use crate::registry::{NoParams, Params};
 use crate::roles::{Body, InitContext, ReinitContext, Start};
 
 fn default_size() -> [Pixels; 2] {
@@ -27,7 +27,8 @@ fn default_size() -> [Pixels; 2] {
 pub struct InitAuto {
     /// Smallest and largest size of the body in the picture: diameter of its bounding sphere.
     pub size: [Pixels; 2],
-    /// Uncertainty of the pose that is found.
+    /// Uncertainty that the tracker is designed for, against which that of its estimates is judged; a pose that is found
+    /// brings its own.
     pub sigma: Sigma,
 }
 
@@ -56,11 +57,14 @@ pub struct ReinitViews {
     pub sizes_per_frame: usize,
     /// Factor on the deviations of the last trusted pose, which is tried first; 0 leaves it out.
     pub last_trusted: f64,
+    /// How much the picture must say for a pose, in nats, before it is tried: the default leaves one in twenty
+    /// pictures without the body with a wrong proposal. Bodies with few edges need less.
+    pub least_trust: f64,
 }
 
 impl Default for ReinitViews {
     fn default() -> Self {
-        Self { size: default_size(), sizes_per_frame: 3, last_trusted: 3.0 }
+        Self { size: default_size(), sizes_per_frame: 3, last_trusted: 3.0, least_trust: TRUSTED }
     }
 }
 
@@ -72,7 +76,14 @@ impl Params for ReinitViews {
         if self.last_trusted < 0.0 {
             return Err(ConfigError::parameter("last_trusted", self.last_trusted, "a number from 0"));
         }
-        params(self.size).map(drop)
+        self.search().check().map(drop)
+    }
+}
+
+impl ReinitViews {
+    fn search(&self) -> ViewSearchParams {
+        let sizes = self.size.map(|s| s.si());
+        ViewSearchParams { sizes, least_trust: self.least_trust, ..ViewSearchParams::default() }
     }
 }
 
@@ -82,7 +93,7 @@ fn params(size: [Pixels; 2]) -> Result<ViewSearchParams, ConfigError> {
 
 fn reinitializer(
     body: &Body<'_>,
-    size: [Pixels; 2],
+    params: ViewSearchParams,
     sizes_per_frame: usize,
 ) -> Result<ViewReinitializer, ConfigError> {
     let mismatch = |found: String, expected: &str| ConfigError::Mismatch { found, expected: expected.into() };
@@ -98,14 +109,14 @@ fn reinitializer(
         Arc::new(mesh),
         Arc::new(edges),
         camera,
-        params(size)?,
+        params,
         sizes_per_frame,
     )
 }
 
 /// Searches the first frame; where nothing is found, the target begins as lost and the re-initialiser goes on.
 pub(super) fn auto(p: InitAuto, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
-    let search = reinitializer(&context.body, p.size, 1)?.prepare()?;
+    let search = reinitializer(&context.body, params(p.size)?, 1)?.prepare()?;
     let all: Vec<usize> = (0..search.sizes()).collect();
     let frame = context.frames.iter().find(|f| f.sensor == context.body.sensor);
     let found = match frame {
@@ -115,19 +126,32 @@ pub(super) fn auto(p: InitAuto, context: InitContext<'_>) -> Result<Start<SE3>, 
         })?,
         None => vec![],
     };
-    let pose = found.first().map(|f| f.pose.mean);
     // Somewhere in front of the camera, not to be believed.
     let anywhere = SE3::from_rotation_vector(&Vector3::zeros(), Vector3::z());
-    Ok(Start { prior: p.sigma.around(pose.unwrap_or(anywhere), &context), known: pose.is_some() })
+    Ok(match found.into_iter().next() {
+        Some(f) => {
+            let design = Some(p.sigma.around(f.pose.mean, &context));
+            Start { prior: f.pose, known: true, design }
+        }
+        None => Start { known: false, ..p.sigma.around(anywhere, &context).into() },
+    })
 }
 
 pub(super) fn views(
     p: ReinitViews,
     context: ReinitContext<'_, SE3>,
-) -> Result<Box<dyn Reinitializer<SE3>>, ConfigError> {
+) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
     // What was never known is not tried.
     let last_trusted = (p.last_trusted > 0.0 && context.prior.is_some()).then_some(p.last_trusted);
     let priors = context.prior.cloned().into_iter().collect();
-    let search = reinitializer(&context.body, p.size, p.sizes_per_frame)?;
-    Ok(Box::new(search.with_priors(last_trusted, priors)))
+    let search = reinitializer(&context.body, p.search(), p.sizes_per_frame)?;
+    Ok(Some(Box::new(search.with_priors(last_trusted, priors))))
+}
+
+/// Never proposes anything.
+pub(super) fn none(
+    _: NoParams,
+    _: ReinitContext<'_, SE3>,
+) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
+    Ok(None)
 }
