@@ -74,9 +74,9 @@ fn a_lost_target_is_found_at_a_prior() {
     // Elsewhere: doubtful, lost, no prior fits.
     let seen = statuses(&mut tracker, 80, &vec![elsewhere; 6]);
     assert_eq!(seen, [(D, false), (D, false), (L, false), (L, false), (L, false), (L, false)]);
-    // At a prior: found in that very step, and tracked from then on.
+    // At a prior: found in that very step, and tracked when two more have confirmed it.
     let seen = statuses(&mut tracker, 400, &vec![away; 4]);
-    assert_eq!(seen, [(T, true), (T, false), (T, false), (T, false)]);
+    assert_eq!(seen, [(D, true), (D, false), (T, false), (T, false)]);
     let report = &tracker.step([frame(0, 600, vec![5.2, 4.9])]).expect("a step")[0];
     assert!(
         (report.posterior.coordinates[0] - 5.2).abs() < 0.02
