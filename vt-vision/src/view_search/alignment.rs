@@ -67,7 +67,7 @@ pub struct LevelEdges {
 
 /// Bits of an orientation and its neighbours.
 fn mask(bin: usize) -> u16 {
-    1 << bin | 1 << (bin + 1) % FINE | 1 << (bin + FINE - 1) % FINE
+    (1 << bin) | (1 << ((bin + 1) % FINE)) | (1 << ((bin + FINE - 1) % FINE))
 }
 
 impl LevelEdges {
@@ -131,7 +131,7 @@ impl LevelEdges {
             let p = nearest as i64 + (k + 1) / 2 * if k % 2 == 1 { side } else { -side };
             let inside = p >= 0 && p < size as i64;
             (inside && self.edges.bits[line + p as usize * step] & mask != 0)
-                .then(|| (p as f64 - start) * across)
+                .then_some((p as f64 - start) * across)
         });
         Some((found, f64::from(density)))
     }
