@@ -46,6 +46,7 @@ where
 }
 
 /// `P Fᵀ`; where `F` has fewer columns than `P`, with its first columns.
+#[inline]
 pub(crate) fn times_transpose<R: Dim, C: Dim, N: Dim, A: Dim>(
     p: &OMatrix<f64, R, C>,
     f: &OMatrix<f64, N, A>,
@@ -59,6 +60,7 @@ where
 }
 
 /// `B Fᵀ` where that is known to be symmetric.
+#[inline]
 pub(crate) fn symmetric_product<N: Dim, C: Dim>(
     b: &OMatrix<f64, N, C>,
     f: &OMatrix<f64, N, C>,
@@ -88,6 +90,7 @@ where
 }
 
 /// `B ← B (L Lᵀ)⁻¹` for a lower triangular `L`, whose upper half is not read.
+#[inline]
 pub(crate) fn divide_columns<N: Dim, M: Dim>(b: &mut OMatrix<f64, N, M>, l: &OMatrix<f64, M, M>)
 where
     DefaultAllocator: AllocPair<N, M>,
@@ -96,6 +99,7 @@ where
     fn subtract(to: &mut [f64], factor: f64, from: &[f64]) {
         to.iter_mut().zip(from).for_each(|(to, from)| *to -= factor * from);
     }
+    let scale = |column: &mut [f64], factor: f64| column.iter_mut().for_each(|v| *v *= factor);
     let (n, m) = (b.nrows(), b.ncols());
     let columns = b.as_mut_slice();
     #[cfg(feature = "faer")]
@@ -107,14 +111,14 @@ where
         for (k, column) in before.chunks_exact(n.max(1)).enumerate() {
             subtract(&mut rest[..n], l[(j, k)], column);
         }
-        rest[..n].iter_mut().for_each(|v| *v /= l[(j, j)]);
+        scale(&mut rest[..n], 1.0 / l[(j, j)]);
     }
     for j in (0..m).rev() {
         let (rest, after) = columns.split_at_mut((j + 1) * n);
         for (k, column) in (j + 1..m).zip(after.chunks_exact(n.max(1))) {
             subtract(&mut rest[j * n..], l[(k, j)], column);
         }
-        rest[j * n..].iter_mut().for_each(|v| *v /= l[(j, j)]);
+        scale(&mut rest[j * n..], 1.0 / l[(j, j)]);
     }
 }
 

@@ -37,6 +37,7 @@ where
     ///
     /// # Errors
     /// When numbers overflow.
+    #[inline]
     pub fn new<A: Dim>(
         p: &OMatrix<f64, N, N>,
         h: &OMatrix<f64, M, A>,
@@ -75,6 +76,7 @@ where
     }
 
     /// `νᵀ S⁻¹ ν` and `ln det S`.
+    #[inline]
     pub fn surprise(&self, nu: &OVector<f64, M>) -> (f64, f64) {
         let l = self.factor.l_dirty();
         let mut w = nu.clone();
@@ -83,6 +85,7 @@ where
     }
 
     /// `P⁺` for this gain, from the `P` and `H` that it was made of: with `A = (1 − KH) P` it is `A − (A Hᵀ − K R) Kᵀ`.
+    #[inline]
     pub fn joseph<A: Dim>(
         &self,
         p: &OMatrix<f64, N, N>,
