@@ -104,7 +104,8 @@ impl Sheet<'_> {
             if target.modalities.len() > 1 { "static: stacked measurements" } else { "of the one modality" };
         let likelihood = self.optional("fusion", target.fusion.as_ref(), absent);
         self.row("Likelihood", &likelihood);
-        let searched = format!("{DEFAULT_REINIT} (default), where the sensor is calibrated and the body free");
+        let searched =
+            format!("{DEFAULT_REINIT} (default), where the sensor is calibrated and the body free");
         let absent = if target.loss.is_some() { searched.as_str() } else { "none" };
         let rows = [
             ("Tracker", self.choice("estimator", &target.estimator)),

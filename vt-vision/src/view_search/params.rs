@@ -2,10 +2,10 @@
 
 use vt_core::error::ConfigError;
 
-use super::alignment::TRUSTED;
-use super::scan;
 #[cfg(doc)]
 use super::alignment::Support;
+use super::alignment::TRUSTED;
+use super::scan;
 
 /// Parameters of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,11 @@ impl ViewSearchParams {
             let expected = format!("ascending from at least {} px to at most 10000 px", scan::SIZE);
             return Err(ConfigError::parameter("sizes", format!("[{least}, {most}]"), expected));
         }
-        for (key, v) in [("min_contrast", self.min_contrast), ("least_log_ratio", self.least_log_ratio), ("least_trust", self.least_trust)] {
+        for (key, v) in [
+            ("min_contrast", self.min_contrast),
+            ("least_log_ratio", self.least_log_ratio),
+            ("least_trust", self.least_trust),
+        ] {
             if !(v > 0.0 && v.is_finite()) {
                 return Err(ConfigError::parameter(key, v, "a positive number"));
             }

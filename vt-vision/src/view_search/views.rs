@@ -274,8 +274,7 @@ fn spread<T: Copy>(all: &[T], count: usize, at: impl Fn(&T) -> [f32; 2]) -> Vec<
     let square = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
     let mut gap: Vec<f32> = vec![f32::INFINITY; all.len()];
     let from_centre = |k: usize| square(at(&all[k]), [0.0; 2]);
-    let mut next =
-        (0..all.len()).max_by(|&a, &b| from_centre(a).total_cmp(&from_centre(b)).then(b.cmp(&a)));
+    let mut next = (0..all.len()).max_by(|&a, &b| from_centre(a).total_cmp(&from_centre(b)).then(b.cmp(&a)));
     let mut chosen = vec![];
     while let Some(k) = next.filter(|_| chosen.len() < count) {
         chosen.push(all[k]);

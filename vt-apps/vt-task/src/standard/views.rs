@@ -104,14 +104,7 @@ fn reinitializer(
     let mesh = body.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
     let edges = EdgeModel::new(&mesh, &EdgeOptions::default())
         .map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
-    ViewReinitializer::new(
-        body.sensor,
-        Arc::new(mesh),
-        Arc::new(edges),
-        camera,
-        params,
-        sizes_per_frame,
-    )
+    ViewReinitializer::new(body.sensor, Arc::new(mesh), Arc::new(edges), camera, params, sizes_per_frame)
 }
 
 /// Searches the first frame; where nothing is found, the target begins as lost and the re-initialiser goes on.
