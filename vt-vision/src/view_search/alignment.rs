@@ -154,14 +154,21 @@ pub struct Support {
 
 impl Support {
     /// How far the pose can be trusted to be no shape of the background; [`TRUSTED`] is enough. Long edges are common
-    /// there, but seldom many at once, and the contour of a body is seldom hard to see.
+    /// there, but seldom many at once, and the contour of a body is seldom hard to see. A pose of which the picture
+    /// shows too little is not trusted however large it is.
     pub fn trust(&self) -> f64 {
+        if self.share < LEAST_SHARE {
+            return 0.0;
+        }
         self.log_ratio + EDGE_TRUST * self.edges as f64 - MISSING_TRUST * self.missing / INDEPENDENT
     }
 }
 
 /// [`Support::trust`] that at most one in twenty pictures without the body exceed.
-pub const TRUSTED: f64 = 105.0;
+pub const TRUSTED: f64 = 100.0;
+
+/// Share of the contour below which no pose is trusted.
+const LEAST_SHARE: f64 = 0.7;
 
 /// Trust for each edge of the model that is seen, nats.
 const EDGE_TRUST: f64 = 4.0;
