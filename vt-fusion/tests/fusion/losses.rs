@@ -144,7 +144,7 @@ fn the_search_for_a_lost_target_is_not_restricted() {
     tracker.add_processing(Box::new(Region(key)));
     let (home, away) = (vec![0.0, 0.0], vec![5.0, 5.0]);
     let seen = statuses(&mut tracker, 0, &[home.clone(), away.clone(), away.clone(), away]);
-    assert_eq!(seen, [(T, false), (D, false), (D, false), (T, true)]);
+    assert_eq!(seen, [(T, false), (D, false), (D, false), (D, true)]);
 }
 
 /// Judges by whether anything was seen.
@@ -172,7 +172,7 @@ fn a_proposal_counts_as_tracked_when_the_next_steps_confirm_it() {
     let (home, away, elsewhere) = (vec![0.1, 0.0], vec![5.2, 4.9], vec![50.0, 50.0]);
     let seen = [&home, &elsewhere, &elsewhere, &away, &elsewhere, &away, &away, &away, &away];
     let seen = statuses(&mut tracker, 0, &seen.map(Clone::clone));
-    let taken = [(T, false), (D, false), (L, false), (D, true), (L, false)];
+    let taken = [(T, false), (D, false), (D, false), (D, true), (L, false)];
     assert_eq!(seen[..5], taken);
     assert_eq!(seen[5..], [(D, true), (D, false), (T, false), (T, false)]);
 }
