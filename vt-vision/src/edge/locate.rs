@@ -27,6 +27,9 @@ const MOVED: f64 = 0.1;
 /// Weight of the prior's information in the alignment: it decides where the data are silent and nothing else.
 const TIE: f64 = 1e-3;
 
+/// Deviation of the edge that is found from one of two contours that nearly coincide, pixels.
+const SLACK: f64 = 2.0;
+
 /// Residuals of a pose that is compared with others count on this scale: that of the model's and lens's own errors, pixels.
 const COMPARED: f64 = 1.0;
 
@@ -162,13 +165,10 @@ where
         let slack = self.params.range[0] * pixel / 3.0;
         let sites = self.visibility.visible(pose);
         // Of two contours that almost coincide in the image neither can be told from the other, and the image edge
-        // that is found lies between them; such sites bias the tilt of a flat view.
+        // that is found lies between them; such sites would bias the tilt of a flat view. They hold the pose loosely.
         let clear = sites.iter().filter(|s| !s.ambiguous).count();
-        let drop_ambiguous = 4 * clear >= sites.len();
+        let loosely = if 4 * clear >= sites.len() { SLACK * SLACK } else { 0.0 };
         for site in sites {
-            if site.ambiguous && drop_ambiguous {
-                continue;
-            }
             let Some((y, j)) = posed.linearize(&site.p_in_object) else { continue };
             let Some(ahead) = posed.locate(&(site.p_in_object + site.tangent * self.probe)) else { continue };
             let direction = ahead - y;
@@ -216,6 +216,7 @@ where
                 contour: site.contour,
                 tangent: site.tangent,
                 weight: 1.0 - math::exp_fast(-f64::from(site.weight) / self.params.correlation_length),
+                slack: if site.ambiguous { loosely } else { 0.0 },
             });
         }
         let lines = mixture.lines.len();

@@ -45,6 +45,9 @@ where
     pub contour: Option<Side>,
     /// Weight of the line; below 1 where neighbours share their errors.
     pub weight: f64,
+    /// Variance of what else may lie between the line's edge and the contour, px²: where two contours nearly coincide
+    /// the edge may be that of the other.
+    pub slack: f64,
 }
 
 /// An edge on a search line.
@@ -142,6 +145,7 @@ where
     pub(super) fn vote(&self, line: &Line<P>, u: f64, sigma: f64) -> Vote {
         let first = line.first as usize;
         let edges = &self.edges[first..first + line.count as usize];
+        let sigma = if line.slack > 0.0 { (sigma * sigma + line.slack).sqrt() } else { sigma };
         vote(edges.iter().map(|e| (e.position - u, e.prior)), sigma, self.clutter)
     }
 
@@ -156,15 +160,15 @@ where
     ) -> f64 {
         out.clear();
         let mut total = 0.0;
-        let information = 1.0 / (sigma * sigma);
+        let variance = sigma * sigma;
         for line in &self.lines {
             let vote = self.vote(line, line.searched_at + line.jacobian.dot(delta), sigma);
             if vote.probability > 0.0 {
-                let w = line.weight * information;
+                let w = line.weight / (variance + line.slack);
                 accumulate_lower(&mut out.information, &line.jacobian, w * vote.probability);
                 out.gradient.axpy(w * vote.pull, &line.jacobian, 1.0);
                 out.rows += 1;
-                total += line.weight * vote.probability;
+                total += w * variance * vote.probability;
             }
         }
         out.information.fill_upper_triangle_with_lower_triangle();
@@ -193,12 +197,12 @@ where
         (squares / (self.lines.len() as f64).max(1.0)).sqrt()
     }
 
-    /// Support of a pose by the lines.
+    /// Support of a pose by the lines, those on contours that nearly coincide apart.
     pub(super) fn quality(&self, at: &P) -> Quality {
         let posed = self.warp.at(at);
         let mut q = Quality::default();
         let (mut weight, mut inlier_weight, mut squares, mut log_ratio) = (0.0, 0.0, 0.0, 0.0);
-        for line in &self.lines {
+        for line in self.lines.iter().filter(|l| l.slack == 0.0) {
             let Some(y) = posed.locate(&line.point) else { continue };
             let vote = self.vote(line, line.normal.dot(&y.coords), self.sigma);
             q.expected += 1;

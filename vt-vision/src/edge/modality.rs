@@ -108,7 +108,7 @@ where
         self.residuals.clear();
         let posed = mixture.warp.at(pose);
         let sigma = self.params.sigma;
-        for line in &mixture.lines {
+        for line in mixture.lines.iter().filter(|l| l.slack == 0.0) {
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
             self.residuals.expect(line.weight);
