@@ -78,8 +78,11 @@ pub fn intersection(a: Roi, b: Roi) -> Roi {
     Roi { x, y, width, height }
 }
 
-/// `region` with `margin` pixels more on every side, inside a picture of `size` pixels.
+/// `region` with `margin` pixels more on every side, inside a picture of `size` pixels; an empty one stays empty.
 pub fn grown(region: Roi, margin: u32, size: (u32, u32)) -> Roi {
+    if region.width == 0 || region.height == 0 {
+        return region;
+    }
     let (x, y) = (region.x.saturating_sub(margin), region.y.saturating_sub(margin));
     let end = |p: u32, n: u32, limit: u32| p.saturating_add(n).saturating_add(margin).min(limit);
     let (right, bottom) = (end(region.x, region.width, size.0), end(region.y, region.height, size.1));

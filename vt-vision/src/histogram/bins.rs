@@ -8,6 +8,7 @@ use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::color::{HueRange, rgb_to_hsv, rows};
 use crate::plane::{Plane, clip};
+use crate::turns::Turns;
 
 /// More bins along one axis are not told apart from their neighbours by 8 bit.
 const MOST: u16 = 128;
@@ -162,7 +163,7 @@ impl ColorBins {
     }
 }
 
-/// Makes [`ColorBins`] of every colour frame of a sensor.
+/// Makes [`ColorBins`] of every colour frame of a sensor, in [`Turns`].
 pub struct ColorBinsProcessing {
     key: EvidenceKey,
     binning: Binning,
@@ -174,7 +175,7 @@ impl ColorBinsProcessing {
         Self { key: Self::key_for(sensor, &binning), binning }
     }
 
-    /// Key under which the bins are found.
+    /// Key under which the [`Turns`] of [`ColorBins`] are found.
     pub fn key_for(sensor: SensorId, binning: &Binning) -> EvidenceKey {
         EvidenceKey { sensor, name: format!("color-bins/{}", binning.name()).into() }
     }
@@ -186,7 +187,7 @@ impl Processing for ColorBinsProcessing {
     }
 
     fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
-        slot.buffer::<ColorBins>().compute(frame.rgb()?, roi, &self.binning);
+        slot.buffer::<Turns<ColorBins>>().next().compute(frame.rgb()?, roi, &self.binning);
         Ok(())
     }
 }
