@@ -12,7 +12,9 @@ use vt_core::dynamics::{
 };
 use vt_core::error::EstimateError;
 use vt_core::laws::{self, Dual64, MeasurementTolerance, group, proptest};
-use vt_core::lie::{DynVector, LieGroup, Product, SE2, SE3, SO2, SO3, Sim3, Vector};
+use vt_core::lie::{
+    Affine2, DynVector, LieGroup, Product, SE2, SE3, SL3, SO2, SO3, Sim2, Sim3, TranslationScale, Vector,
+};
 use vt_core::manifold::{Manifold, Square, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 use vt_core::measurement_model::{Angular, Function, Instrument, Linear, MeasurementModel};
@@ -26,6 +28,10 @@ lie_group_laws!(se2: SE2);
 lie_group_laws!(so3: SO3);
 lie_group_laws!(se3: SE3);
 lie_group_laws!(sim3: Sim3);
+lie_group_laws!(translation_scale: TranslationScale);
+lie_group_laws!(sim2: Sim2);
+lie_group_laws!(affine2: Affine2, tolerance = 1e-6);
+lie_group_laws!(sl3: SL3, tolerance = 1e-6);
 lie_group_laws!(vector: Vector<4>);
 lie_group_laws!(product: Product<SE3, Vector<2>>);
 lie_group_laws!(product_of_products: Product<Product<SO2, SE2>, Sim3>);
@@ -65,6 +71,10 @@ manifold_laws!(manifold_so3: group::<SO3>(1.0));
 manifold_laws!(manifold_se3: group::<SE3>(1.0));
 manifold_laws!(manifold_se3_at_identity: Just(SE3::identity()));
 manifold_laws!(manifold_sim3: group::<Sim3>(1.0));
+manifold_laws!(manifold_translation_scale: group::<TranslationScale>(1.0));
+manifold_laws!(manifold_sim2: group::<Sim2>(1.0));
+manifold_laws!(manifold_affine2: group::<Affine2>(1.0), tolerance = 1e-6);
+manifold_laws!(manifold_sl3: group::<SL3>(1.0), tolerance = 1e-6);
 manifold_laws!(manifold_vector: group::<Vector<3>>(5.0));
 manifold_laws!(manifold_dyn_vector: dynamic(5));
 manifold_laws!(manifold_product: group::<Product<SE3, Vector<2>>>(1.0));

@@ -2,12 +2,14 @@
 
 pub mod appearance;
 pub mod camera;
+pub mod contour;
 pub mod diagnostics;
 pub mod edges;
 pub mod feature;
 #[cfg(feature = "loaders")]
 pub mod loaders;
 pub mod mesh;
+pub mod outline;
 pub mod raster;
 #[cfg(feature = "raycast")]
 pub mod raycast;

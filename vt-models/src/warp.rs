@@ -1,5 +1,9 @@
 //! Warps: body points to pixels under a pose, with exact Jacobians (paper Eq. 1–4).
 
+mod planar;
+
+pub use planar::{PlanarWarp, PosedPlanar};
+
 use crate::camera::Camera;
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Point2, Point3, Vector3};
 use vt_core::agent::{Posed, Warp};

@@ -1,7 +1,5 @@
 //! Pixel-level evidence: a map of edge pixels with direction and sub-pixel position.
 
-use std::sync::Arc;
-
 use image::GrayImage;
 use nalgebra::{Point2, Vector2};
 use vt_core::error::MeasureError;
@@ -10,6 +8,7 @@ use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::gradient::Gradient;
 use crate::noise::noise_deviation;
+use crate::turns::Turns;
 
 /// An edge pixel must exceed the noise by this factor; Sobel's mask answers to noise of one grey level with 0.87.
 const NOISE_FACTOR: f64 = 4.0 * 0.87;
@@ -137,20 +136,10 @@ impl EdgeMap {
     }
 }
 
-/// Makes an [`EdgeMap`] of every grey frame of a sensor.
-///
-/// A measurement keeps the map it was made from, so two maps take turns and none is copied.
+/// Makes an [`EdgeMap`] of every grey frame of a sensor, in [`Turns`].
 pub struct EdgeMapProcessing {
     key: EvidenceKey,
     min_contrast: f64,
-}
-
-/// What [`EdgeMapProcessing`] leaves as evidence.
-#[derive(Default)]
-pub struct EdgeMapEvidence {
-    /// The map of this frame.
-    pub map: Arc<EdgeMap>,
-    spare: Arc<EdgeMap>,
 }
 
 impl EdgeMapProcessing {
@@ -159,7 +148,7 @@ impl EdgeMapProcessing {
         Self { key: Self::key_for(sensor, min_contrast), min_contrast }
     }
 
-    /// Key under which the [`EdgeMapEvidence`] is found.
+    /// Key under which the [`Turns`] of [`EdgeMap`] are found.
     pub fn key_for(sensor: SensorId, min_contrast: f64) -> EvidenceKey {
         EvidenceKey { sensor, name: format!("edge-map/min_contrast={min_contrast}").into() }
     }
@@ -172,9 +161,7 @@ impl Processing for EdgeMapProcessing {
 
     fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
         let image = frame.grey()?;
-        let evidence = slot.buffer::<EdgeMapEvidence>();
-        core::mem::swap(&mut evidence.map, &mut evidence.spare);
-        Arc::make_mut(&mut evidence.map).compute(image, roi, self.min_contrast);
+        slot.buffer::<Turns<EdgeMap>>().next().compute(image, roi, self.min_contrast);
         Ok(())
     }
 }

@@ -1,9 +1,12 @@
 //! Intensity gradients of a picture or of a region of it.
 
 use image::GrayImage;
+use vt_core::batch::vectorized;
 use vt_core::error::MeasureError;
 use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
+
+use crate::plane::clip;
 
 /// Sobel gradients over a region; a step of `h` grey levels along an axis answers with `4 h`.
 #[derive(Clone, Debug, Default)]
@@ -22,38 +25,44 @@ impl Gradient {
 
     /// Computes the gradient of `image` inside `roi`, or everywhere; the outermost pixels of the picture have none.
     pub fn compute(&mut self, image: &GrayImage, roi: Option<Roi>) {
-        self.x.clear();
-        self.y.clear();
-        self.region = inner(image, roi);
+        let region = clip(roi, image.dimensions(), 1);
+        self.resize(region);
         let Some(r) = self.region else { return };
-        let width = image.width() as usize;
+        let (stride, width) = (image.width() as usize, r.width as usize);
         let pixels = image.as_raw();
-        self.x.reserve((r.width * r.height) as usize);
-        self.y.reserve((r.width * r.height) as usize);
-        for row in r.y as usize..(r.y + r.height) as usize {
-            let start = r.x as usize - 1;
-            let span = r.width as usize + 2;
-            let [above, here, below] = [row - 1, row, row + 1].map(|v| &pixels[v * width + start..][..span]);
-            for k in 0..r.width as usize {
-                let at = |line: &[u8], d: usize| i16::from(line[k + d]);
-                let (a0, a1, a2) = (at(above, 0), at(above, 1), at(above, 2));
-                let (b0, b2) = (at(here, 0), at(here, 2));
-                let (c0, c1, c2) = (at(below, 0), at(below, 1), at(below, 2));
-                self.x.push(a2 - a0 + 2 * (b2 - b0) + c2 - c0);
-                self.y.push(c0 - a0 + 2 * (c1 - a1) + c2 - a2);
-            }
+        let planes = self.x.chunks_exact_mut(width).zip(self.y.chunks_exact_mut(width));
+        for (row, (x, y)) in (r.y as usize..).zip(planes) {
+            let line = |v: usize| &pixels[v * stride + r.x as usize - 1..][..width + 2];
+            sobel(line(row - 1), line(row), line(row + 1), x, y);
         }
+    }
+
+    /// Makes room for a region; the values are whatever they are.
+    pub(crate) fn resize(&mut self, region: Roi) {
+        let count = region.width as usize * region.height as usize;
+        self.region = (count > 0).then_some(region);
+        self.x.resize(count, 0);
+        self.y.resize(count, 0);
     }
 }
 
-/// The part of `roi` that has a neighbour on every side.
-fn inner(image: &GrayImage, roi: Option<Roi>) -> Option<Roi> {
-    let (width, height) = image.dimensions();
-    let roi = roi.unwrap_or(Roi { x: 0, y: 0, width, height });
-    let (left, top) = (roi.x.max(1), roi.y.max(1));
-    let right = roi.x.saturating_add(roi.width).min(width.saturating_sub(1));
-    let bottom = roi.y.saturating_add(roi.height).min(height.saturating_sub(1));
-    (left < right && top < bottom).then(|| Roi { x: left, y: top, width: right - left, height: bottom - top })
+/// Sobel's masks along a row of pixels; the rows of the picture have one more on either side.
+fn sobel(above: &[u8], here: &[u8], below: &[u8], x: &mut [i16], y: &mut [i16]) {
+    vectorized(
+        #[inline(always)]
+        || {
+            let n = x.len().min(y.len());
+            let [a0, a1, a2] = [0, 1, 2].map(|k| &above[k..][..n]);
+            let [b0, b2] = [0, 2].map(|k| &here[k..][..n]);
+            let [c0, c1, c2] = [0, 1, 2].map(|k| &below[k..][..n]);
+            let (x, y) = (&mut x[..n], &mut y[..n]);
+            for i in 0..n {
+                let at = |row: &[u8]| i16::from(row[i]);
+                x[i] = at(a2) - at(a0) + 2 * (at(b2) - at(b0)) + at(c2) - at(c0);
+                y[i] = at(c0) - at(a0) + 2 * (at(c1) - at(a1)) + at(c2) - at(a2);
+            }
+        },
+    );
 }
 
 /// Makes a [`Gradient`] of every grey frame of a sensor.

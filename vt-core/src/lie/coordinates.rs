@@ -1,8 +1,8 @@
 //! Standard coordinates of the groups, for files and reports.
 
-use nalgebra::{DVector, Quaternion, SVector, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
-use super::{DynVector, SE2, SE3, SO2, SO3, Sim3, Vector};
+use super::{Affine2, DynVector, SE2, SE3, SL3, SO2, SO3, Sim2, Sim3, TranslationScale, Vector};
 use crate::manifold::Coordinates;
 
 /// Exactly `N` finite numbers.
@@ -45,6 +45,51 @@ impl Coordinates for SE2 {
     }
     fn read(c: &[f64]) -> Option<Self> {
         finite::<3>(c).map(|[x, y, angle]| Self::new(x, y, angle))
+    }
+}
+
+/// `x y scale`, scale positive.
+impl Coordinates for TranslationScale {
+    const SPACE: &'static str = "translation-scale";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend([self.translation.x, self.translation.y, self.scale]);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        finite::<3>(c).filter(|c| c[2] > 0.0).map(|[x, y, scale]| Self::new(x, y, scale))
+    }
+}
+
+/// `x y angle scale`, radians, scale positive.
+impl Coordinates for Sim2 {
+    const SPACE: &'static str = "sim2";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend([self.translation.x, self.translation.y, self.angle(), self.scale]);
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        finite::<4>(c).filter(|c| c[3] > 0.0).map(|[x, y, angle, scale]| Self::new(x, y, angle, scale))
+    }
+}
+
+/// The first two rows of the matrix, one after the other; determinant positive.
+impl Coordinates for Affine2 {
+    const SPACE: &'static str = "affine2";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend((0..6).map(|k| self.matrix[(k / 3, k % 3)]));
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        let [a, b, c, d, e, f] = finite(c)?;
+        Self::from_rows([a, b, c], [d, e, f])
+    }
+}
+
+/// The rows of the matrix, one after the other; brought to determinant one when read.
+impl Coordinates for SL3 {
+    const SPACE: &'static str = "sl3";
+    fn write(&self, out: &mut Vec<f64>) {
+        out.extend((0..9).map(|k| self.matrix[(k / 3, k % 3)]));
+    }
+    fn read(c: &[f64]) -> Option<Self> {
+        Self::from_matrix(&Matrix3::from_row_slice(&finite::<9>(c)?))
     }
 }
 

@@ -8,12 +8,17 @@
 //! |---|---|---|---|
 //! | [`SO2`] | plane, rotation | `θ` | 1 |
 //! | [`SE2`] | plane, rigid | `ρx ρy θ` | 3 |
+//! | [`TranslationScale`] | plane, translation and scale | `v σ` | 3 |
+//! | [`Sim2`] | plane, rigid and scale | `v θ σ` | 4 |
+//! | [`Affine2`] | plane, affine | `v θ σ`, stretch, shear | 6 |
+//! | [`SL3`] | plane, homographies | those of [`Affine2`], tilt | 8 |
 //! | [`SO3`] | space, rotation | `ω` | 3 |
 //! | [`SE3`] | space, rigid | `v ω` | 6 |
 //! | [`Sim3`] | space, rigid and scale | `v ω σ` | 7 |
 //! | [`Vector`] | `R^n` by translation | the components | `N` |
 //! | [`Product`] | both parts | those of the first, those of the second | sum |
 //!
+//! [`PlanarMotion`] is what all motions of the plane have in common for warps of pictures.
 //! [`DynVector`] is `R^n` with a dimension known at run time; it is a manifold without a static identity.
 //!
 //! Everything is written for any real scalar, so that dual numbers run through the code that `f64` runs through.
@@ -27,21 +32,30 @@ use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, RealField};
 use crate::manifold::Alloc;
 
 mod coordinates;
+mod planar;
 mod product;
+mod projective;
 mod se2;
 mod se3;
 mod series;
+mod sim2;
 mod sim3;
 mod so2;
 mod so3;
+mod spiral;
+mod translation_scale;
 mod vector;
 
+pub use planar::PlanarMotion;
 pub use product::Product;
+pub use projective::{Affine2, SL3};
 pub use se2::SE2;
 pub use se3::SE3;
+pub use sim2::Sim2;
 pub use sim3::Sim3;
 pub use so2::SO2;
 pub use so3::SO3;
+pub use translation_scale::TranslationScale;
 pub use vector::{DynVector, Vector, VectorSpace};
 
 /// A Lie group of motions over the scalar `T`.

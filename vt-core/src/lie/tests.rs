@@ -216,3 +216,55 @@ fn the_rotation_matrix_is_the_exponential_of_the_cross_product() {
     let k = series::cross(&w);
     assert!((r - (Matrix3::identity() + k * sim3::phi(&k))).amax() < 1e-15);
 }
+
+#[test]
+fn planar_groups_hold_each_other() {
+    // The first coordinates of the larger group are those of the smaller one.
+    let d = [30.0, -20.0, 0.4, 0.3];
+    let similarity = Sim2::exp(&d.into());
+    let affine = Affine2::exp(&SVector::from([d[0], d[1], d[2], d[3], 0.0, 0.0]));
+    let homography = SL3::exp(&SVector::from([d[0], d[1], d[2], d[3], 0.0, 0.0, 0.0, 0.0]));
+    let rigid = SE2::exp(&Vector3::new(d[0], d[1], d[2]));
+    let growing = TranslationScale::exp(&Vector3::new(d[0], d[1], d[3]));
+    assert!((similarity.matrix() - affine.matrix).amax() < 1e-12);
+    assert!((homography.matrix / homography.matrix.m33 - affine.matrix).amax() < 1e-12);
+    assert!((Sim2::exp(&[d[0], d[1], d[2], 0.0].into()).matrix() - rigid.matrix()).amax() < 1e-13);
+    assert!((Sim2::exp(&[d[0], d[1], 0.0, d[3]].into()).matrix() - growing.matrix()).amax() < 1e-13);
+    // Far in the picture the logarithm is still good.
+    assert!((affine.log() - SVector::from([d[0], d[1], d[2], d[3], 0.0, 0.0])).amax() < 1e-10);
+    assert!((homography.log().fixed_rows::<4>(0) - SVector::from(d)).amax() < 1e-10);
+    // A quarter of growth by e while turning by a quarter: the end of a logarithmic spiral.
+    let end = similarity.act(&nalgebra::Point2::new(1.0, 0.0)) - similarity.act(&nalgebra::Point2::origin());
+    assert!((end.norm() - math::exp(0.3)).abs() < 1e-13 && (math::atan2(end.y, end.x) - 0.4).abs() < 1e-13);
+}
+
+#[test]
+fn maps_without_a_logarithm_have_no_finite_one() {
+    let stretched_half_turn = Affine2::from_rows([-2.0, 0.0, 0.0], [0.0, -0.5, 0.0]).expect("no mirror");
+    assert!(stretched_half_turn.log().iter().all(|v| !v.is_finite()));
+    assert!(stretched_half_turn.is_finite());
+    assert_eq!(Affine2::from_rows([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]), None);
+    assert_eq!(SL3::from_matrix(&Matrix3::zeros()), None);
+}
+
+#[test]
+fn a_homography_is_known_by_four_points() {
+    let corners = [[0.0, 0.0], [100.0, 0.0], [100.0, 60.0], [0.0, 60.0]].map(nalgebra::Point2::from);
+    let image = [[12.0, 5.0], [90.0, 20.0], [120.0, 88.0], [-10.0, 70.0]].map(nalgebra::Point2::from);
+    let found = SL3::from_points(&corners, &image).expect("no three on a line");
+    for (from, to) in corners.iter().zip(&image) {
+        assert!((found.act(from) - to).norm() < 1e-10);
+    }
+    assert!((found.matrix.determinant() - 1.0).abs() < 1e-12);
+    let mut c = vec![];
+    found.write(&mut c);
+    assert!(SL3::read(&c).is_some_and(|r| (r.matrix - found.matrix).amax() < 1e-12));
+    assert_eq!(SL3::from_points(&[corners[0]; 4], &image), None);
+    for (space, wrong) in [("scale", [1.0, 2.0, -1.0]), ("zero", [1.0, 2.0, 0.0])] {
+        assert_eq!(TranslationScale::read(&wrong), None, "{space}");
+    }
+    assert_eq!(Sim2::read(&[1.0, 2.0, 0.1, -1.0]), None);
+    let mut out = vec![];
+    Sim2::new(1.0, 2.0, -3.0, 0.5).write(&mut out);
+    assert!(Sim2::read(&out).is_some_and(|r| (r.angle() + 3.0).abs() < 1e-15 && r.scale == 0.5));
+}

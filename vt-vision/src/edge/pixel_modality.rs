@@ -15,7 +15,8 @@ use vt_models::visibility::EdgeSite;
 
 use super::params::EdgeParams;
 use super::pixels::{ContourPoint, EdgePixels, weight};
-use crate::edge_map::{EdgeMapEvidence, EdgeMapProcessing};
+use crate::edge_map::{EdgeMap, EdgeMapProcessing};
+use crate::turns::Turns;
 
 /// Pixel-level edge modality of one target. It needs the evidence of [`EdgeMapProcessing`] with its own
 /// `min_contrast`; the contour that is visible at the prior serves all hypotheses of the frame.
@@ -105,7 +106,7 @@ where
             return Err(MeasureError::Prediction("the predicted pose is not finite"));
         }
         evidence.frame(self.needs[0].sensor)?;
-        self.pixels.map = evidence.get::<EdgeMapEvidence>(&self.needs[0])?.map.clone();
+        self.pixels.map = evidence.get::<Turns<EdgeMap>>(&self.needs[0])?.now().clone();
         let sites = self.visibility.visible(&prior.mean);
         if sites.is_empty() {
             return Ok(None);

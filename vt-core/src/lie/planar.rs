@@ -1,0 +1,89 @@
+//! What all motions of the picture plane have in common: each is a homography, and each has generators.
+
+use nalgebra::{DefaultAllocator, Matrix2, Matrix2x3, Matrix2x4, Matrix3, OMatrix, Point2, SMatrix, U2};
+
+use super::{Affine2, SE2, SL3, Sim2, TranslationScale, Vector};
+use crate::manifold::{Alloc, Coordinates};
+
+/// A Lie group of motions of the plane that keep straight lines straight, under perturbations on the right.
+///
+/// | motion | `x ↦` | tangent |
+/// |---|---|---|
+/// | [`Vector<2>`] | `x + b` | `b` |
+/// | [`TranslationScale`] | `a x + b` | `v σ` |
+/// | [`SE2`] | `R(θ) x + b` | `v θ` |
+/// | [`Sim2`] | `a R(θ) x + b` | `v θ σ` |
+/// | [`Affine2`] | `L x + b` | `v θ σ`, stretch, shear |
+/// | [`SL3`] | homography | those of [`Affine2`], tilt (2) |
+pub trait PlanarMotion: Coordinates
+where
+    DefaultAllocator: Alloc<Self::D>,
+{
+    /// Homogeneous matrix of the motion, of positive determinant.
+    fn matrix(&self) -> Matrix3<f64>;
+
+    /// `∂(Exp(δ) x)/∂δ` at `δ = 0`: how `x` moves under each generator.
+    fn generators(x: &Point2<f64>) -> OMatrix<f64, U2, Self::D>;
+}
+
+impl PlanarMotion for Vector<2> {
+    fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::new(1.0, 0.0, self.0.x, 0.0, 1.0, self.0.y, 0.0, 0.0, 1.0)
+    }
+    fn generators(_: &Point2<f64>) -> Matrix2<f64> {
+        Matrix2::identity()
+    }
+}
+
+impl PlanarMotion for TranslationScale {
+    fn matrix(&self) -> Matrix3<f64> {
+        let (a, b) = (self.scale, self.translation);
+        Matrix3::new(a, 0.0, b.x, 0.0, a, b.y, 0.0, 0.0, 1.0)
+    }
+    fn generators(p: &Point2<f64>) -> Matrix2x3<f64> {
+        Matrix2x3::new(1.0, 0.0, p.x, 0.0, 1.0, p.y)
+    }
+}
+
+impl PlanarMotion for SE2 {
+    fn matrix(&self) -> Matrix3<f64> {
+        Sim2 { rotation: self.rotation, translation: self.translation, scale: 1.0 }.matrix()
+    }
+    fn generators(p: &Point2<f64>) -> Matrix2x3<f64> {
+        Matrix2x3::new(1.0, 0.0, -p.y, 0.0, 1.0, p.x)
+    }
+}
+
+impl PlanarMotion for Sim2 {
+    fn matrix(&self) -> Matrix3<f64> {
+        let (c, s, b) = (self.rotation.re * self.scale, self.rotation.im * self.scale, self.translation);
+        Matrix3::new(c, -s, b.x, s, c, b.y, 0.0, 0.0, 1.0)
+    }
+    fn generators(p: &Point2<f64>) -> Matrix2x4<f64> {
+        Matrix2x4::new(1.0, 0.0, -p.y, p.x, 0.0, 1.0, p.x, p.y)
+    }
+}
+
+impl PlanarMotion for Affine2 {
+    fn matrix(&self) -> Matrix3<f64> {
+        self.matrix
+    }
+    fn generators(p: &Point2<f64>) -> SMatrix<f64, 2, 6> {
+        let (x, y) = (p.x, p.y);
+        SMatrix::<f64, 2, 6>::from_row_slice(&[1.0, 0.0, -y, x, x, y, 0.0, 1.0, x, y, -y, x])
+    }
+}
+
+impl PlanarMotion for SL3 {
+    fn matrix(&self) -> Matrix3<f64> {
+        self.matrix
+    }
+    fn generators(p: &Point2<f64>) -> SMatrix<f64, 2, 8> {
+        let (x, y) = (p.x, p.y);
+        let rows = [
+            [1.0, 0.0, -y, x, x, y, -x * x, -x * y], //
+            [0.0, 1.0, x, y, -y, x, -x * y, -y * y],
+        ];
+        SMatrix::<f64, 2, 8>::from_row_slice(rows.as_flattened())
+    }
+}
