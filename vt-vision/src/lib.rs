@@ -2,6 +2,7 @@
 
 pub mod canny;
 pub mod color;
+pub mod contour;
 pub mod edge;
 pub mod edge_map;
 pub mod edge_search;
@@ -11,5 +12,6 @@ pub mod histogram;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
+mod search_region;
 pub mod turns;
 pub mod view_search;

@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use nalgebra::{DefaultAllocator, Point3};
-use vt_core::agent::{Posed, Visibility, Warp};
+use vt_core::agent::{Visibility, Warp};
 use vt_core::belief::Gaussian;
 use vt_core::error::MeasureError;
 use vt_core::evidence::{Evidence, EvidenceKey};
@@ -16,6 +16,7 @@ use vt_models::visibility::EdgeSite;
 use super::params::EdgeParams;
 use super::pixels::{ContourPoint, EdgePixels, weight};
 use crate::edge_map::{EdgeMap, EdgeMapProcessing};
+use crate::search_region::search_region;
 use crate::turns::Turns;
 
 /// Pixel-level edge modality of one target. It needs the evidence of [`EdgeMapProcessing`] with its own
@@ -76,24 +77,8 @@ where
     /// Box around the contour of the frame before at the predicted pose, widened by three predicted deviations and
     /// the range of the search; all of the picture before the first frame.
     fn region(&self, prior: &Gaussian<P>) -> Option<Roi> {
-        let posed = self.pixels.warp.at(&prior.mean);
-        let mut bounds: Option<[f64; 4]> = None;
-        for c in &self.pixels.contour {
-            let (y, j) = posed.linearize(&c.point)?;
-            let margin = [0, 1].map(|row| {
-                let j = j.row(row).transpose();
-                3.0 * (&prior.covariance * &j).dot(&j).max(0.0).sqrt() + self.params.range[0] + 4.0
-            });
-            let b = bounds.get_or_insert([f64::INFINITY, f64::INFINITY, 0.0, 0.0]);
-            *b = [
-                b[0].min(y.x - margin[0]),
-                b[1].min(y.y - margin[1]),
-                b[2].max(y.x + margin[0]),
-                b[3].max(y.y + margin[1]),
-            ];
-        }
-        let [left, top, right, bottom] = bounds?.map(|v| v.clamp(0.0, f64::from(u16::MAX)) as u32);
-        Some(Roi { x: left, y: top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) })
+        let points = self.pixels.contour.iter().map(|c| &c.point);
+        search_region(&self.pixels.warp, points, prior, 3.0, self.params.range[0] + 4.0)
     }
 
     fn measure(

@@ -1,0 +1,254 @@
+//! The likelihood of a warped contour.
+
+use core::marker::PhantomData;
+
+use nalgebra::{DefaultAllocator, Point2, Vector2};
+use vt_core::agent::{Posed, Warp};
+use vt_core::manifold::{Alloc, Manifold, Tangent};
+use vt_core::math;
+use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
+use vt_models::contour::{Contour, normal};
+
+use super::lines::EdgeLines;
+use super::params::{ContourParams, MOST_SAMPLES};
+use crate::edge::Hypotheses;
+
+/// `√(2π)`.
+const SQRT_TAU: f64 = 2.506_628_274_631_000_7;
+
+/// The product of ratios whose logarithm is taken in one go must not overflow.
+const LARGE: f64 = 1e200;
+
+/// The edges of a frame and the contour that is warped among them.
+pub struct ContourLikelihood<P, W: Warp<P>>
+where
+    P: Manifold,
+    DefaultAllocator: Alloc<P::D>,
+{
+    pub(super) warp: W,
+    pub(super) contour: Contour<W::Body>,
+    pub(super) lines: EdgeLines,
+    hypotheses: Hypotheses,
+    range: f64,
+    /// `1 / σ²`.
+    information: f64,
+    /// `1 / (√(2π) σ q λ)`.
+    beta: f64,
+    /// `1 / τ`.
+    weight: f64,
+    pose: PhantomData<fn() -> P>,
+}
+
+/// A contour point in the picture.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    /// Number of the point.
+    pub index: usize,
+    pub y: Point2<f64>,
+    pub normal: Vector2<f64>,
+    /// Distance of the point's neighbours.
+    length: f64,
+}
+
+/// An edge on a normal.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Hit {
+    pub residual: f64,
+    pub at: Point2<f64>,
+    /// Probability that it is the contour's, times what the normal says against clutter.
+    pub strength: f64,
+}
+
+/// Most edges on a normal: those within reach, at the least distance of two.
+const MOST_HITS: usize = 64;
+
+impl<P: Manifold, W: Warp<P>> ContourLikelihood<P, W>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    pub(super) fn new(params: &ContourParams, warp: W, contour: Contour<W::Body>) -> Self {
+        let alpha = params.miss_probability * params.clutter_density;
+        let temperature = params.temperature.unwrap_or(contour.points().len() as f64 / 8.0);
+        Self {
+            warp,
+            contour,
+            lines: EdgeLines::default(),
+            hypotheses: params.hypotheses,
+            range: params.range,
+            information: 1.0 / (params.sigma * params.sigma),
+            beta: 1.0 / (SQRT_TAU * params.sigma * alpha),
+            weight: 1.0 / temperature,
+            pose: PhantomData,
+        }
+    }
+
+    /// Calls `f` for every contour point that has a place and a normal in the picture.
+    #[inline]
+    fn places(&self, posed: &W::Posed<'_>, mut f: impl FnMut(Place)) {
+        let mut images = [Point2::new(f64::NAN, f64::NAN); MOST_SAMPLES];
+        let points = self.contour.points();
+        let images = &mut images[..points.len()];
+        for (image, point) in images.iter_mut().zip(points) {
+            if let Some(y) = posed.locate(point) {
+                *image = y;
+            }
+        }
+        for (index, (&y, &[before, after])) in images.iter().zip(self.contour.links()).enumerate() {
+            let (before, after) = (images[before as usize], images[after as usize]);
+            if let Some(normal) = normal(&before, &after) {
+                // The normal is the difference turned and divided by this.
+                let length = normal.x * (after.y - before.y) - normal.y * (after.x - before.x);
+                f(Place { index, y, normal, length });
+            }
+        }
+    }
+
+    /// `P(normal | p)` against clutter at its temperature of one, as a factor and a logarithm.
+    #[inline]
+    fn ratio(&self, place: &Place) -> (f64, f64) {
+        match self.hypotheses {
+            Hypotheses::Multiple => {
+                let scale = -0.5 * self.information;
+                let mut sum = 0.0;
+                self.lines
+                    .each(place.y, place.normal, self.range, |r, _| sum += math::exp_fast(r * r * scale));
+                (1.0 + self.beta * sum, 0.0)
+            }
+            Hypotheses::Single => {
+                let mut least = f64::INFINITY;
+                self.lines.each(place.y, place.normal, self.range, |r, _| least = least.min(r * r));
+                (1.0, (math::ln(self.beta) - 0.5 * self.information * least).max(0.0))
+            }
+        }
+    }
+
+    fn log_likelihood(&self, pose: &P) -> f64 {
+        let (mut product, mut sum) = (1.0, 0.0);
+        self.places(&self.warp.at(pose), |place| {
+            let (factor, logarithm) = self.ratio(&place);
+            product *= factor;
+            sum += logarithm;
+            if product > LARGE {
+                sum += math::ln(product);
+                product = 1.0;
+            }
+        });
+        self.weight * (sum + math::ln(product))
+    }
+
+    /// Calls `f` with every contour point, the edges on its normal with the probabilities that they are the contour's, and
+    /// the logarithm of the normal against clutter.
+    pub(super) fn each(&self, posed: &W::Posed<'_>, mut f: impl FnMut(Place, &[Hit], f64)) {
+        let mut hits = [Hit::default(); MOST_HITS];
+        self.places(posed, |place| {
+            let mut count = 0;
+            self.lines.each(place.y, place.normal, self.range, |residual, at| {
+                if let Some(hit) = hits.get_mut(count) {
+                    *hit = Hit { residual, at, strength: 0.0 };
+                    count += 1;
+                }
+            });
+            let hits = &mut hits[..count];
+            let (factor, logarithm) = self.ratio(&place);
+            match self.hypotheses {
+                Hypotheses::Multiple => {
+                    for hit in hits.iter_mut() {
+                        let exponent = -0.5 * self.information * hit.residual * hit.residual;
+                        hit.strength = self.beta * math::exp_fast(exponent) / factor;
+                    }
+                    f(place, hits, math::ln(factor));
+                }
+                Hypotheses::Single => {
+                    let nearest =
+                        hits.iter_mut().min_by(|a, b| a.residual.abs().total_cmp(&b.residual.abs()));
+                    if let Some(hit) = nearest {
+                        hit.strength = if logarithm > 0.0 { 1.0 } else { 0.0 };
+                    }
+                    f(place, hits, logarithm);
+                }
+            }
+        });
+    }
+
+    /// Calls `f(residual, Jacobian, probability)` for every edge that may be the contour's; returns the cost, with τ.
+    ///
+    /// A normal turns with the pose, so that `r = n · (m − y)` has the derivative
+    /// `−n · ∂y − (t · (m − y)) (n · ∂(y₊ − y₋)) / |y₊ − y₋|` with the unit tangent `t`.
+    fn rows(&self, at: &P, mut f: impl FnMut(f64, &Tangent<P>, f64)) -> f64 {
+        let posed = self.warp.at(at);
+        let derivative = |k: usize, normal: &Vector2<f64>| {
+            Some(posed.linearize(&self.contour.points()[k])?.1.tr_mul(normal))
+        };
+        let mut sum = 0.0;
+        self.each(&posed, |place, hits, logarithm| {
+            sum += logarithm;
+            if hits.iter().all(|h| h.strength == 0.0) {
+                return;
+            }
+            let [before, after] =
+                self.contour.links()[place.index].map(|k| derivative(k as usize, &place.normal));
+            let (Some(own), Some(before), Some(after)) =
+                (derivative(place.index, &place.normal), before, after)
+            else {
+                return;
+            };
+            let turn = (after - before) / place.length;
+            let tangent = Vector2::new(-place.normal.y, place.normal.x);
+            for hit in hits.iter().filter(|h| h.strength > 0.0) {
+                let sideways = tangent.dot(&(hit.at - place.y));
+                f(hit.residual, &(&own + &turn * sideways), hit.strength);
+            }
+        });
+        -self.weight * sum
+    }
+}
+
+impl<P: Manifold, W: Warp<P>> Measurement<P> for ContourLikelihood<P, W>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
+        for (pose, l) in poses.iter().zip(out) {
+            *l = self.log_likelihood(pose);
+        }
+    }
+
+    /// One row for every edge on every normal, weighted by the probability that it is the contour's.
+    fn residuals(&self, at: &P, out: &mut Linearized<P>) {
+        out.clear();
+        let variance = 1.0 / (self.information * self.weight);
+        self.rows(at, |r, j, probability| out.push(r, j.clone(), variance, probability));
+    }
+
+    fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>) {
+        out.clear();
+        let information = self.information * self.weight;
+        let cost = self.rows(at, |r, j, probability| out.add(r, j, information * probability));
+        out.cost = cost;
+    }
+
+    fn quality(&self, at: &P) -> Quality {
+        let mut q = Quality::default();
+        let (mut squares, mut log_ratio) = (0.0, 0.0);
+        self.each(&self.warp.at(at), |_, hits, logarithm| {
+            q.expected += 1;
+            log_ratio += logarithm;
+            let (probability, square) = hits
+                .iter()
+                .fold((0.0, 0.0), |(p, s), h| (p + h.strength, s + h.strength * h.residual * h.residual));
+            if probability > 0.5 {
+                q.inliers += 1;
+                squares += square / probability * self.information;
+            }
+        });
+        let expected = (q.expected as f64).max(1.0);
+        q.inlier_ratio = q.inliers as f64 / expected;
+        q.log_ratio = log_ratio / expected;
+        q.normalized_rms = (squares / (q.inliers as f64).max(1.0)).sqrt();
+        q
+    }
+
+    fn level(&self) -> Level {
+        Level::Pixel
+    }
+}
