@@ -5,7 +5,6 @@ use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
-use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
@@ -17,7 +16,6 @@ use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
 use vt_models::camera::Camera;
-use vt_models::mesh::Shape;
 
 use crate::document::Document;
 use crate::error::{Problem, TaskErrors};
@@ -26,9 +24,9 @@ use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
-    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
-    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, ReinitContext, Reinits,
-    SensorContext, Sensors, Shapes, Start, TruthContext, Truths, Warps,
+    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, Ground,
+    InitContext, Inits, Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place,
+    ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -41,7 +39,7 @@ pub struct Scene {
     /// that of the init.
     pub true_starts: Vec<bool>,
     cameras: Vec<Option<Camera>>,
-    shapes: BTreeMap<String, Shape>,
+    shapes: BTreeMap<String, Ground>,
     appearances: BTreeMap<String, AppearanceProduct>,
 }
 
@@ -192,7 +190,7 @@ pub(crate) fn shapes(
     document: &Document,
     task: &Task,
     registry: &Registry,
-) -> Result<BTreeMap<String, Shape>, ReadError> {
+) -> Result<BTreeMap<String, Ground>, ReadError> {
     let place = Place { base: document.base() };
     let shape = |(k, model): (usize, &ModelSection)| {
         let at = node(document, &format!("models.{k}.shape"))?;
@@ -263,7 +261,7 @@ pub(crate) fn build_target<P: Coordinates>(c: &TargetContext<'_>) -> Result<Buil
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     let (registry, document, task) = (c.registry, c.document, c.task);
     let section = &task.targets[c.index];
@@ -282,6 +280,7 @@ where
             place: c.place(),
             sensor: SensorId(index as u32),
             camera: c.scene.cameras[index].as_ref(),
+            picture: task.sensors[index].picture,
             level: modality.level,
             shape: &c.scene.shapes[&section.model],
             appearance: &c.scene.appearances[&section.model],
