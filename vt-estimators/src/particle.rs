@@ -110,6 +110,7 @@ impl Default for ParticleParams {
 /// resampling). Random numbers are addressed by frame and particle, so that threads do not change a bit. Process
 /// noise is that at the heaviest particle for all of them. After an error the particles are those of before. Storage is
 /// used again from step to step.
+#[derive(Clone)]
 pub struct ParticleFilter<P, S, M>
 where
     P: Manifold,

@@ -15,8 +15,10 @@ use vt_core::time::{Seconds, Timestamp};
 use vt_estimators::adaptive::{Adaptive, Noise, NoiseFactor};
 use vt_estimators::gaussian_filter::GaussianFilter;
 use vt_estimators::imm::{Imm, Switching, mode};
+use vt_estimators::information::InformationFilter;
 use vt_estimators::kalman::KalmanFilter;
 use vt_estimators::out_of_sequence::Replay;
+use vt_estimators::particle::{ParticleFilter, ParticleParams};
 use vt_estimators::retrodiction::{Retrodiction, RetrodictionFilter};
 use vt_estimators::sigma_point::{Rule, SigmaPointFilter};
 use vt_estimators::smoother::Smoother;
@@ -132,6 +134,9 @@ proptest! {
             };
         }
         check!(kalman(0.4));
+        check!(SquareRootFilter::<Plane, Plane, _>::from_belief(prior(), motion(0.4)).expect("a prior"));
+        check!(InformationFilter::<Plane, Plane, _>::from_belief(prior(), motion(0.4)).expect("a prior"));
+        check!(ParticleFilter::<Plane, Plane, _>::new(&prior(), vec![], motion(0.4), ParticleParams::default()).expect("a prior"));
         check!(sigma.clone());
         check!(imm.clone());
     }
