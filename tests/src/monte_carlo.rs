@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use image::{GrayImage, RgbImage};
 use nalgebra::Vector6;
 use rayon::prelude::*;
-use vt_core::agent::Estimator;
+use vt_core::agent::{Estimator, Visibility};
 use vt_core::belief::{Gaussian, Moving};
 use vt_core::dynamics::ConstantVelocity;
 use vt_core::frame::SensorId;
@@ -17,6 +18,7 @@ use vt_core::report::{Assessment, Verdict};
 use vt_estimators::kalman::KalmanFilter;
 use vt_fusion::loss::FusedLoss;
 use vt_fusion::{Target, TrackingLoop};
+use vt_io::canvas::Canvas;
 use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_models::mesh::Mesh;
 use vt_models::visibility::{MeshView, ViewCache};
@@ -60,7 +62,11 @@ pub struct Record {
     pub frame: u64,
     /// Share of the object that the picture shows.
     pub visible: f64,
-    /// Distance and angle from the truth.
+    /// True pose, camera_from_object.
+    pub truth: SE3,
+    /// Estimated pose.
+    pub estimate: SE3,
+    /// Distance and angle between the two.
     pub error: PoseError,
     /// Distance from the truth as a part of the object's diameter.
     pub relative: f64,
@@ -144,6 +150,8 @@ fn run(
             seed,
             frame,
             visible: shot.visible[0],
+            truth,
+            estimate: estimate.mean,
             error,
             relative: error.translation / mesh.diameter(),
             nees: estimate.nees(&truth).unwrap_or(f64::INFINITY),
@@ -152,4 +160,39 @@ fn run(
         });
     }
     Ok(records)
+}
+
+/// The picture of a record, enlarged about the object, with the contour at its true pose (green) and at the estimate
+/// (red).
+///
+/// # Errors
+/// When the scene has no such frame.
+pub fn picture(name: &str, disturbance: Disturbance, record: &Record) -> Result<RgbImage> {
+    let mesh = Arc::new(body(name)?);
+    let edges = Arc::new(EdgeModel::new(&mesh, &EdgeOptions::default())?);
+    let scenario = Scenario::random((*mesh).clone(), record.seed, disturbance);
+    let (camera, _) = scenario.cameras[0];
+    let mut sensor = scenario.sensor(0).context("a camera")?;
+    let shot = std::iter::from_fn(|| sensor.shot()).find(|s| s.frame.number == record.frame);
+    let shot = shot.context("a frame of this number")?;
+    let at = camera.project(&record.truth.translation.into()).context("an object before the camera")?;
+    let (focal, _) = camera.focal();
+    let half = (0.8 * mesh.diameter() * focal / record.truth.translation.z).max(20.0);
+    let scale = 400.0 / half;
+    let corner = [at.x - half, at.y - half];
+    let grey = shot.frame.grey()?;
+    let (w, h) = (i64::from(grey.width()) - 1, i64::from(grey.height()) - 1);
+    let enlarged = GrayImage::from_fn(800, 800, |x, y| {
+        let [u, v] = [(x, corner[0]), (y, corner[1])].map(|(x, c)| (f64::from(x) / scale + c).round() as i64);
+        *grey.get_pixel(u.clamp(0, w) as u32, v.clamp(0, h) as u32)
+    });
+    let mut canvas = Canvas::of_grey(&enlarged);
+    for (pose, colour) in [(&record.truth, [0, 255, 0]), (&record.estimate, [255, 40, 40])] {
+        let mut view = MeshView::new(mesh.clone(), edges.clone(), camera, ViewCache::default());
+        let sites = view.visible(pose).iter();
+        for y in sites.filter_map(|s| camera.project(&pose.act(&s.p_in_object))) {
+            canvas.disc([(y.x - corner[0]) * scale, (y.y - corner[1]) * scale], 3.0, colour, 0.8);
+        }
+    }
+    Ok(canvas.picture)
 }

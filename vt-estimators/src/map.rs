@@ -22,7 +22,7 @@ const LOCKED: f64 = 1e-12;
 ///
 /// In the chart at the iterate `x` the prior is `N(μ, P)` and the data say `A δ = b`. With `A = R Rᵀ`, which exists
 /// for singular `A` too, the measurement is `y = R⁺b` with unit noise and `H = Rᵀ[1 0]`, which
-/// gives `δ = μ + K (y − Hμ)` with the gain and the covariance of [`crate::gain`].
+/// gives `δ = μ + K (y − Hμ)` with the gain and the covariance of `crate::gain`.
 ///
 /// The cost is that of data and prior together, `-ln P(z|x) + ½ ‖x ⊟ prior‖²`. Of several iterations none may raise
 /// it: a step that does is halved, and a last step that is not yet small counts only if it does not (one evaluation

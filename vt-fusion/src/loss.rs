@@ -18,7 +18,7 @@ pub struct Hysteresis {
 
 impl Default for Hysteresis {
     fn default() -> Self {
-        Self::new(2, 5)
+        Self::new(3, 5)
     }
 }
 
@@ -169,7 +169,9 @@ impl FusedLoss {
 impl LossDetector for FusedLoss {
     fn assess(&mut self, figures: &Assessment) -> Verdict {
         let new = self.log_odds(figures);
-        let log_odds = self.log_odds.map_or(new, |old| self.memory * old + (1.0 - self.memory) * new);
+        // The steps before do not vouch for a target that is not seen.
+        let old = self.log_odds.filter(|_| LossSigns::new(figures).is_some());
+        let log_odds = old.map_or(new, |old| self.memory * old + (1.0 - self.memory) * new);
         self.log_odds = Some(log_odds);
         let loss_probability = math::logistic(log_odds);
         Verdict { status: self.hysteresis.step(loss_probability), loss_probability }
@@ -227,8 +229,8 @@ mod tests {
             expected: 100,
             inliers: 0,
             inlier_ratio,
-            log_ratio: 4.0 * inlier_ratio,
-            normalized_rms: 1.0,
+            log_ratio: 5.0 * inlier_ratio,
+            normalized_rms: 0.5,
         };
         let innovation = Innovation { nis, dof: 6, ..Innovation::default() };
         Assessment { quality: Some(quality), innovation: Some(innovation), log_det: Some(-3.0) }

@@ -62,6 +62,9 @@ const RANK_TOLERANCE: f64 = 1e-10;
 /// Variance, as a part of the largest in design units, up to which a direction is locked.
 const LOCKED: f64 = 1e-20;
 
+/// Good steps in a row, with the one in which it was taken, that confirm a proposal: one picture may deceive.
+const CONFIRMED: u32 = 3;
+
 /// True when a step holds a frame of one of these sensors, or when none is named.
 pub(crate) fn watched(sensors: &[SensorId], evidence: &Evidence) -> bool {
     sensors.is_empty() || sensors.iter().any(|&s| evidence.frame(s).is_ok())
@@ -84,6 +87,8 @@ where
     scale: Tangent<P>,
     trusted: Gaussian<P>,
     status: Status,
+    /// Good steps since a proposal was taken that is not confirmed yet.
+    unconfirmed: Option<u32>,
     proposals: Vec<Gaussian<P>>,
 }
 
@@ -115,8 +120,16 @@ where
             scale,
             trusted,
             status: Status::Tracking,
+            unconfirmed: None,
             proposals: vec![],
         }
+    }
+
+    /// The same target, but where it is is not known yet: it begins as lost, so that the re-initialiser is asked at the
+    /// first step.
+    #[must_use]
+    pub fn beginning_lost(self) -> Self {
+        Self { status: Status::Lost, ..self }
     }
 
     /// The estimator.
@@ -226,6 +239,15 @@ where
         if self.status == Status::Lost && report.verdict.loss_probability > 0.5 {
             report.verdict.status = Status::Lost;
         }
+        if let Some(good) = self.unconfirmed {
+            let good = if report.verdict.loss_probability > 0.5 { None } else { Some(good + 1) };
+            report.verdict.status = match good {
+                None => Status::Lost,
+                Some(n) if n < CONFIRMED => Status::Doubtful,
+                Some(_) => Status::Tracking,
+            };
+            self.unconfirmed = good.filter(|n| *n < CONFIRMED);
+        }
         self.status = report.verdict.status;
         let pose = self.estimator.pose();
         report.posterior.set(&pose);
@@ -245,7 +267,8 @@ where
     }
 
     /// Tries every proposed prior on this frame and keeps the one that the data support best, if it is not itself
-    /// judged a loss.
+    /// judged a loss. It stays doubtful until the steps that follow confirm it, and what was trusted before is kept
+    /// until then.
     fn reinitialize(&mut self, evidence: &Evidence, report: &mut StepReport) {
         let Some(reinitializer) = &mut self.reinitializer else { return };
         let start = Instant::now();
@@ -280,6 +303,7 @@ where
                 // A pose that was just read off a picture is a valid prior; if not, the target stays where it was.
                 if self.estimator.reset(&pose).is_ok() {
                     report.reinitialized = true;
+                    self.unconfirmed = Some(0);
                     self.conclude(figures, report);
                 }
             }
@@ -354,6 +378,7 @@ where
         self.estimator.reset(&belief)?;
         self.forget();
         self.loss.reset();
+        self.unconfirmed = None;
         self.status = Status::Tracking;
         self.trusted = belief;
         Ok(())

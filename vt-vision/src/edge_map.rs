@@ -116,6 +116,16 @@ impl EdgeMap {
         Some(EdgePixel { at, direction })
     }
 
+    /// Column, row and orientation of the gradient's line in half turns, 0 to 1, of every edge pixel, by rows.
+    pub fn orientations(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let region = self.region.unwrap_or(Roi { x: 0, y: 0, width: 1, height: 0 });
+        let (left, top, width) = (region.x as usize, region.y as usize, region.width as usize);
+        self.cells.iter().enumerate().filter(|(_, c)| c.sector != 0).map(move |(k, c)| {
+            let turn = (f64::from(c.sector) - 0.5) * 2.0 / SECTORS as f64;
+            (left + k % width, top + k / width, turn % 1.0)
+        })
+    }
+
     /// Region that was searched.
     pub fn region(&self) -> Option<Roi> {
         self.region

@@ -6,3 +6,4 @@ pub mod edge_search;
 pub mod gradient;
 pub mod noise;
 pub mod pyramid;
+pub mod view_search;

@@ -1,10 +1,12 @@
 //! Calibration of the edge modality's covariance: normalised squared errors of the tracker on random scenes.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
 use clap::Parser;
 use vt_core::math;
 use vt_sim::scenario::Disturbance;
-use vt_tests::monte_carlo::{FITTED, JUDGED, track};
+use vt_tests::monte_carlo::{FITTED, JUDGED, picture, track};
 use vt_tests::replay::median;
 use vt_vision::edge::EdgeParams;
 
@@ -26,6 +28,9 @@ struct Arguments {
     /// Prints the worst records.
     #[arg(long, default_value_t = 0)]
     worst: usize,
+    /// Folder for pictures of the worst records.
+    #[arg(long)]
+    pictures: Option<PathBuf>,
 }
 
 fn main() -> Result<()> {
@@ -61,15 +66,21 @@ fn main() -> Result<()> {
         );
         records.sort_by(|a, b| b.nees.total_cmp(&a.nees));
         for r in records.iter().take(a.worst) {
+            if let Some(folder) = &a.pictures {
+                let file = folder.join(format!("{name}_{}_{}.png", r.seed, r.frame));
+                picture(name, Disturbance::None, r)?.save(file)?;
+            }
             println!(
-                "  seed {} frame {}: NEES/dof {:.1}, {:.2} mm {:.2} deg, visible {:.2}, {:?}",
+                "  seed {} frame {}: NEES/dof {:.1}, NIS/dof {:.1}, {:.2} mm {:.2} deg, spread {:.2}, loss {:.3}, {:?}",
                 r.seed,
                 r.frame,
                 r.nees / 6.0,
+                r.assessment.innovation.map_or(f64::NAN, |i| i.nis / i.dof as f64),
                 1e3 * r.error.translation,
                 r.error.rotation.to_degrees(),
-                r.visible,
-                r.assessment.quality
+                r.assessment.log_det.unwrap_or(0.0),
+                r.verdict.loss_probability,
+                r.assessment.quality.map(|q| (q.expected, q.inlier_ratio, q.log_ratio, q.normalized_rms))
             );
         }
     }

@@ -1,6 +1,6 @@
 //! Loss detection of the edge tracker on random scenes: fits the weights on some bodies and judges them on others.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -11,7 +11,7 @@ use vt_fusion::loss::{FusedLoss, Hysteresis, LossSigns, LossWeights};
 use vt_io::plot::{CURVES, Curve, Figure, Panel};
 use vt_sim::scenario::Disturbance;
 use vt_tests::logistic::{area, fit, roc};
-use vt_tests::monte_carlo::{FITTED, JUDGED, Record, track};
+use vt_tests::monte_carlo::{FITTED, JUDGED, Record, picture, track};
 use vt_tests::replay::median;
 use vt_vision::edge::EdgeParams;
 
@@ -34,6 +34,12 @@ struct Arguments {
     /// Judges the weights in use and fits none.
     #[arg(long)]
     judge_only: bool,
+    /// Only this disturbance.
+    #[arg(long)]
+    only: Option<String>,
+    /// Folder for pictures of lost frames that were not told, one a scene.
+    #[arg(long)]
+    pictures: Option<PathBuf>,
     /// Plot of the curves, PNG or SVG.
     #[arg(long)]
     plot: Option<PathBuf>,
@@ -53,11 +59,15 @@ type Runs = Vec<(&'static str, Vec<Vec<Record>>)>;
 fn runs(bodies: [&str; 2], first: u64, a: &Arguments) -> Result<Runs> {
     DISTURBANCES
         .into_iter()
+        .filter(|(_, name)| a.only.as_ref().is_none_or(|only| only == name))
         .map(|(disturbance, name)| {
             let mut all = vec![];
             for body in bodies {
                 let seeds = first..first + a.scenes;
                 let records = track(body, seeds, disturbance, a.frames, EdgeParams::default())?;
+                if let Some(folder) = &a.pictures {
+                    draw_missed(folder, name, body, disturbance, &records)?;
+                }
                 all.extend(records.chunk_by(|r, s| r.seed == s.seed).map(<[Record]>::to_vec));
             }
             Ok((name, all))
@@ -75,17 +85,47 @@ fn lost(r: &Record) -> Option<bool> {
     }
 }
 
-fn signs(r: &Record) -> Option<SVector<f64, 6>> {
+/// Draws of every scene the lost frame that looks least like a loss.
+fn draw_missed(
+    folder: &Path,
+    name: &str,
+    body: &str,
+    disturbance: Disturbance,
+    records: &[Record],
+) -> Result<()> {
+    for run in records.chunk_by(|r, s| r.seed == s.seed) {
+        let missed = run.iter().filter(|r| lost(r) == Some(true) && r.verdict.loss_probability < 0.5);
+        let frames = missed.clone().count();
+        let least = missed.min_by(|r, s| r.verdict.loss_probability.total_cmp(&s.verdict.loss_probability));
+        if let Some(r) = least {
+            println!(
+                "{name} {body} seed {} frame {} ({frames} such): {:.1} % of the diameter, {:.1} deg, p = {:.3}, {:?}",
+                r.seed,
+                r.frame,
+                100.0 * r.relative,
+                r.error.rotation.to_degrees(),
+                r.verdict.loss_probability,
+                LossSigns::new(&r.assessment)
+            );
+            picture(body, disturbance, r)?
+                .save(folder.join(format!("{name}_{body}_{}_{}.png", r.seed, r.frame)))?;
+        }
+    }
+    Ok(())
+}
+
+/// What is weighed; the share of unsupported contour is not, since the likelihood ratio counts it.
+fn signs(r: &Record) -> Option<SVector<f64, 5>> {
     let s = LossSigns::new(&r.assessment)?;
-    Some([1.0, s.unsupported, s.log_ratio, s.misfit, s.surprise, s.spread].into())
+    Some([1.0, s.log_ratio, s.misfit, s.surprise, s.spread].into())
 }
 
 fn fitted(runs: &Runs) -> Result<LossWeights> {
     let records = runs.iter().flat_map(|(_, runs)| runs.iter().flatten());
     let examples: Vec<_> = records.filter_map(|r| Some((signs(r)?, lost(r)?))).collect();
     let w = fit(&examples, 1.0).context("the examples determine no weights")?;
-    let [bias, unsupported, log_ratio, misfit, surprise, spread] = w.into();
-    Ok(LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread })
+    let [bias, log_ratio, misfit, surprise, spread] = w.into();
+    Ok(LossWeights { bias, unsupported: 0.0, log_ratio, misfit, surprise, spread })
 }
 
 /// Figures of one disturbance under a loss detector.

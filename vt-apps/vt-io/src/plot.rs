@@ -141,7 +141,8 @@ impl Panel {
             .x_labels(10)
             .y_labels(5)
             .label_style((FONT, 11))
-            .x_label_formatter(&|x| format!("{x}"))
+            // Ticks are multiples of a step, with its rounding errors.
+            .x_label_formatter(&|x| format!("{}", (x * 1e9).round() / 1e9))
             .draw()?;
         let mut named = false;
         for band in &self.bands {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
-use vt_core::belief::{Gaussian, Triple};
+use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
@@ -26,9 +26,9 @@ use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
-    AppearanceProduct, Appearances, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
-    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, Reinits, SensorContext,
-    Sensors, Shapes, TruthContext, Truths, Warps,
+    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, InitContext, Inits,
+    Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place, ReinitContext, Reinits,
+    SensorContext, Sensors, Shapes, Start, TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -232,6 +232,9 @@ impl TargetContext<'_> {
     }
 }
 
+/// What is tried after a loss where the task says nothing.
+pub(crate) const DEFAULT_REINIT: &str = "views";
+
 /// Without a loss detector a target counts as tracked.
 struct NeverLost;
 
@@ -294,18 +297,27 @@ where
     }
 
     let frames = c.first_frames;
+    let index = sensors.first().map_or(0, |s: &SensorId| s.0 as usize);
+    let body = Body {
+        sensor: SensorId(index as u32),
+        camera: c.scene.cameras.get(index).and_then(Option::as_ref),
+        shape: &c.scene.shapes[&section.model],
+        freedom: &freedom,
+    };
     let first = frames.iter().find(|f| sensors.contains(&f.sensor)).or(frames.first());
     let init = InitContext {
+        body,
+        frames,
         place: c.place(),
         truth: c.scene.truths[c.index].as_ref(),
         first_frame: first.map_or(0, |f| f.number),
         freedom: &freedom,
     };
     let init_node = node(document, &format!("{path}.init"))?;
-    let mut prior: Gaussian<P> = registry.build::<Inits<P>>(init_node, init)?;
+    let Start { mut prior, mut known, design } = registry.build::<Inits<P>>(init_node, init)?;
     if c.scene.true_starts.get(c.index).is_some_and(|wanted| *wanted) {
-        let start = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
-        prior.mean = start;
+        prior.mean = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
+        known = true;
     }
     let motion =
         registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
@@ -314,16 +326,28 @@ where
     let estimator =
         registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
     let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
-    let reinitializer = c.optional::<Reinits<P>>("reinit", &prior)?;
+    let context = ReinitContext { prior: known.then_some(&prior), body };
+    let reinitializer = match section.reinit {
+        Some(_) => c.optional::<Reinits<P>>("reinit", context)?.flatten(),
+        // Where the method that is meant does not fit the body, a lost target coasts.
+        None if section.loss.is_some() => {
+            let method = registry.method::<Reinits<P>>(DEFAULT_REINIT);
+            let node = Node::empty(document.root().span);
+            method.and_then(|m| m.build(&node, context).ok()).flatten()
+        }
+        None => None,
+    };
     c.optional::<Fusions>("fusion", ())?;
 
-    // The spread of an estimate is judged against that of the prior; a locked coordinate is judged against 1.
+    // The spread of an estimate is judged against that of the prior or
+    // what the init says; a locked coordinate is judged against 1.
     let n = prior.mean.dim();
     let scale = Tangent::<P>::from_fn_generic(n, U1, |k, _| {
-        let deviation = prior.covariance[(k, k)].sqrt();
+        let deviation = design.as_ref().unwrap_or(&prior).covariance[(k, k)].sqrt();
         if deviation > 0.0 { deviation } else { 1.0 }
     });
     let target =
         Target::new(section.name.clone(), sensors, modalities, estimator, loss, reinitializer, scale);
+    let target = if known { target } else { target.beginning_lost() };
     Ok(BuiltTarget { target: Box::new(target), processing })
 }

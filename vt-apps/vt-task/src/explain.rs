@@ -4,6 +4,7 @@ use core::fmt::Write;
 
 use toml::Value;
 
+use crate::assembly::DEFAULT_REINIT;
 use crate::geometry::{CameraSection, Distortion};
 use crate::language::{Choice, ModelSection, Picture, TargetSection, Task};
 use crate::registry::Registry;
@@ -103,12 +104,15 @@ impl Sheet<'_> {
             if target.modalities.len() > 1 { "static: stacked measurements" } else { "of the one modality" };
         let likelihood = self.optional("fusion", target.fusion.as_ref(), absent);
         self.row("Likelihood", &likelihood);
+        let searched =
+            format!("{DEFAULT_REINIT} (default), where the sensor is calibrated and the body free");
+        let absent = if target.loss.is_some() { searched.as_str() } else { "none" };
         let rows = [
             ("Tracker", self.choice("estimator", &target.estimator)),
             ("Output", "posterior and prediction with covariance".to_owned()),
             ("Loss detection", self.optional("loss", target.loss.as_ref(), "none")),
             ("Initialisation", self.choice("init", &target.init)),
-            ("Re-initialisation", self.optional("reinit", target.reinit.as_ref(), "none")),
+            ("Re-initialisation", self.optional("reinit", target.reinit.as_ref(), absent)),
         ];
         for (name, value) in rows {
             self.row(name, &value);

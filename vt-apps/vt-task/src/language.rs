@@ -147,7 +147,8 @@ pub struct TargetSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(schema_with = "choice::loss")]
     pub loss: Option<Choice>,
-    /// What is tried after a loss.
+    /// What is tried after a loss; without it the picture is searched where the sensor is calibrated and the body free to
+    /// move, otherwise the target coasts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(schema_with = "choice::reinit")]
     pub reinit: Option<Choice>,

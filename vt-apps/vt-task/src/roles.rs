@@ -14,7 +14,7 @@ use vt_core::batch::Row;
 use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
-use vt_core::frame::SensorId;
+use vt_core::frame::{Frame, SensorId};
 use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Square, Tangent};
 use vt_core::measurement::Modality;
@@ -84,11 +84,11 @@ pose_roles! {
     /// Pose space and projection.
     Warps, "warp", "warp", Freedom, ();
     /// Prior of the first frame.
-    Inits, "init", "init", Gaussian<P>, InitContext<'a>;
+    Inits, "init", "init", Start<P>, InitContext<'a>;
     /// What is measured.
     Modalities, "modality", "modality", ModalityProduct<P>, ModalityContext<'a>;
     /// What is tried after a loss.
-    Reinits, "re-initialiser", "reinit", Box<dyn Reinitializer<P>>, &'a Gaussian<P>;
+    Reinits, "re-initialiser", "reinit", Option<Box<dyn Reinitializer<P>>>, ReinitContext<'a, P>;
 }
 
 /// Motion model.
@@ -307,9 +307,59 @@ pub struct TruthContext<'a> {
     pub simulated: &'a BTreeMap<String, Simulation>,
 }
 
+/// Where a target starts.
+pub struct Start<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// Prior of the first frame.
+    pub prior: Gaussian<P>,
+    /// False when the prior says nothing: the target begins as lost.
+    pub known: bool,
+    /// Uncertainty against which that of the estimates is judged, where it is not the prior's.
+    pub design: Option<Gaussian<P>>,
+}
+
+impl<P: Manifold> From<Gaussian<P>> for Start<P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn from(prior: Gaussian<P>) -> Self {
+        Self { prior, known: true, design: None }
+    }
+}
+
+/// What a re-initialiser is built from.
+pub struct ReinitContext<'a, P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// Prior of the first frame; `None` when it said nothing.
+    pub prior: Option<&'a Gaussian<P>>,
+    /// The body as the target's first sensor sees it.
+    pub body: Body<'a>,
+}
+
+/// A body and the sensor that sees it.
+#[derive(Clone, Copy)]
+pub struct Body<'a> {
+    /// Number of the sensor.
+    pub sensor: SensorId,
+    /// Intrinsic parameters of the sensor, where it is calibrated.
+    pub camera: Option<&'a Camera>,
+    /// Shape of the target's model.
+    pub shape: &'a Shape,
+    /// Free and locked degrees of freedom.
+    pub freedom: &'a Freedom,
+}
+
 /// What a prior is built from.
 #[derive(Clone, Copy)]
 pub struct InitContext<'a> {
+    /// The body as the target's first sensor sees it.
+    pub body: Body<'a>,
+    /// The first frames.
+    pub frames: &'a [Frame],
     /// For files.
     pub place: Place<'a>,
     /// True poses of the target.

@@ -51,6 +51,10 @@ pub struct RunArgs {
     /// Ends after so many frames.
     #[arg(long, value_name = "N")]
     max_frames: Option<usize>,
+    /// Method that gives the first pose of every target, with its default parameters, instead of that of the task:
+    /// `auto` searches the picture.
+    #[arg(long, value_name = "KIND")]
+    init: Option<String>,
     /// Shows no progress and no summary.
     #[arg(long)]
     quiet: bool,
@@ -101,7 +105,7 @@ impl RunArgs {
             }
             (None, folder) => {
                 let folder = folder.as_deref().unwrap_or(Path::new("."));
-                let load = |set: &[String]| self.task.document(set);
+                let load = |set: &[String]| self.initialised(set);
                 let limits = self.reset_on_failure;
                 let observe = &mut |name: &str, p: &crate::run::Progress<'_>| bar.show_of(name, p);
                 let table = run_all(&load, registry, folder, &options, limits, observe);
@@ -116,9 +120,17 @@ impl RunArgs {
         if interrupted { Err(Failure::Interrupted) } else { Ok(()) }
     }
 
+    /// The text of the task with the changes `set`, in which every target starts as `--init` says.
+    fn initialised(&self, set: &[String]) -> Result<Document, TaskErrors> {
+        let Some(kind) = &self.init else { return self.task.document(set) };
+        let targets = self.task.document(set)?.task()?.targets.len();
+        let inits = (0..targets).map(|k| format!("targets.{k}.init={{ kind = {kind:?} }}"));
+        self.task.document(&set.iter().cloned().chain(inits).collect::<Vec<_>>())
+    }
+
     /// The task with the truth that the command line gives, and how it is judged by it.
     fn document(&self, out: &Path) -> Result<(Document, Option<Protocol>), Failure> {
-        let document = self.task.document(&[])?;
+        let document = self.initialised(&[])?;
         if self.truth.is_empty() {
             return Ok((document, None));
         }
@@ -131,6 +143,6 @@ impl RunArgs {
             folder: out.to_owned(),
             stem: "estimates".into(),
         };
-        Ok((self.task.document(&settings)?, Some(protocol)))
+        Ok((self.initialised(&settings)?, Some(protocol)))
     }
 }

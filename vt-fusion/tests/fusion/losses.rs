@@ -1,15 +1,17 @@
 //! Loss and re-initialisation in the loop.
 
 use nalgebra::{Matrix2, Vector2};
+use vt_core::agent::LossDetector;
 use vt_core::belief::Gaussian;
 use vt_core::error::MeasureError;
 use vt_core::evidence::{Evidence, EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
 use vt_core::lie::Vector;
 use vt_core::measurement::{Measurement, Modality};
-use vt_core::report::Status;
-use vt_fusion::TrackingLoop;
+use vt_core::report::{Assessment, Status, Verdict};
+use vt_fusion::loss::Hysteresis;
 use vt_fusion::reinitialization::PriorPoses;
+use vt_fusion::{Target, TrackingLoop};
 
 use crate::sensors::{Direct, Plane, filter, frame, target};
 
@@ -74,9 +76,9 @@ fn a_lost_target_is_found_at_a_prior() {
     // Elsewhere: doubtful, lost, no prior fits.
     let seen = statuses(&mut tracker, 80, &vec![elsewhere; 6]);
     assert_eq!(seen, [(D, false), (D, false), (L, false), (L, false), (L, false), (L, false)]);
-    // At a prior: found in that very step, and tracked from then on.
+    // At a prior: found in that very step, and tracked when two more have confirmed it.
     let seen = statuses(&mut tracker, 400, &vec![away; 4]);
-    assert_eq!(seen, [(T, true), (T, false), (T, false), (T, false)]);
+    assert_eq!(seen, [(D, true), (D, false), (T, false), (T, false)]);
     let report = &tracker.step([frame(0, 600, vec![5.2, 4.9])]).expect("a step")[0];
     assert!(
         (report.posterior.coordinates[0] - 5.2).abs() < 0.02
@@ -142,5 +144,35 @@ fn the_search_for_a_lost_target_is_not_restricted() {
     tracker.add_processing(Box::new(Region(key)));
     let (home, away) = (vec![0.0, 0.0], vec![5.0, 5.0]);
     let seen = statuses(&mut tracker, 0, &[home.clone(), away.clone(), away.clone(), away]);
-    assert_eq!(seen, [(T, false), (D, false), (D, false), (T, true)]);
+    assert_eq!(seen, [(T, false), (D, false), (D, false), (D, true)]);
+}
+
+/// Judges by whether anything was seen.
+struct Sight(Hysteresis);
+
+impl LossDetector for Sight {
+    fn assess(&mut self, figures: &Assessment) -> Verdict {
+        let loss_probability = if figures.quality.is_some() { 0.1 } else { 0.9 };
+        Verdict { status: self.0.step(loss_probability), loss_probability }
+    }
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+}
+
+/// A proposal that the next picture contradicts was no re-appearance: what was trusted before it is tried again.
+#[test]
+fn a_proposal_counts_as_tracked_when_the_next_steps_confirm_it() {
+    let places = PriorPoses { priors: vec![near(5.0, 5.0)], last_trusted: Some(1.5) };
+    let estimator = Box::new(filter(0.0, 0.0));
+    let (loss, places) = (Box::new(Sight(Hysteresis::default())), Some(Box::new(places) as Box<_>));
+    let scale = Vector2::repeat(1.0);
+    let one = Target::new("one", vec![], vec![short_sighted()], estimator, loss, places, scale);
+    let mut tracker = TrackingLoop::new(vec![Box::new(one)]);
+    let (home, away, elsewhere) = (vec![0.1, 0.0], vec![5.2, 4.9], vec![50.0, 50.0]);
+    let seen = [&home, &elsewhere, &elsewhere, &away, &elsewhere, &away, &away, &away, &away];
+    let seen = statuses(&mut tracker, 0, &seen.map(Clone::clone));
+    let taken = [(T, false), (D, false), (D, false), (D, true), (L, false)];
+    assert_eq!(seen[..5], taken);
+    assert_eq!(seen[5..], [(D, true), (D, false), (T, false), (T, false)]);
 }

@@ -106,7 +106,7 @@ fn figures_add_up() {
     let both = Stacked(&[&a, &b]);
     let q = both.quality(&some_pose(1));
     assert_eq!((q.expected, q.inliers, q.inlier_ratio), (4, 2, 0.625));
-    assert!((q.log_ratio - 0.4).abs() < 1e-15 && (q.normalized_rms - 2.5_f64.sqrt()).abs() < 1e-15, "{q:?}");
+    assert!((q.log_ratio - 1.4).abs() < 1e-15 && (q.normalized_rms - 2.5_f64.sqrt()).abs() < 1e-15, "{q:?}");
     let mut rows = Linearized::default();
     both.residuals(&some_pose(1), &mut rows);
     assert_eq!((rows.len(), both.level()), (9, Level::Feature));

@@ -33,6 +33,10 @@ const COMPARED: f64 = 1.0;
 /// Most starts where the longest search range covers the prediction's uncertainty and the least one does not.
 const NEAR_STARTS: u32 = 8;
 
+/// Squared Mahalanobis distance from the prediction beyond which a pose is no less probable: the prediction itself may
+/// be wrong.
+const FARTHEST: f64 = 20.0;
+
 /// Share of the contour that must be supported for a pose to be taken without trying further starts.
 const CONVINCING: f64 = 0.85;
 
@@ -51,7 +55,7 @@ where
     /// picture.
     ///
     /// Where the prediction is uncertain by more than the longest search range, one alignment often ends at a wrong
-    /// edge. Then starts are spread evenly over the prior, and the best supported end counts.
+    /// edge. Then starts are spread evenly over the prior, and the most probable end counts.
     pub(super) fn locate(
         &mut self,
         image: &GrayImage,
@@ -64,7 +68,7 @@ where
         let [least, most] = self.params.range;
         let start = (0..levels).find(|&l| needed <= most * f64::from(1u32 << l)).unwrap_or(levels);
         let starts = match start {
-            0 if needed <= least => 1,
+            0 if needed <= least && self.followed => 1,
             0 => self.params.starts.min(NEAR_STARTS),
             _ => self.params.starts,
         };
@@ -87,7 +91,8 @@ where
                 continue;
             }
             let mixture = &self.features.mixture;
-            let (score, support) = mixture.compare(&pose, COMPARED);
+            let (likelihood, support) = mixture.compare(&pose, COMPARED);
+            let score = likelihood - 0.5 * prior.nees(&pose).unwrap_or(0.0).min(FARTHEST);
             if starts == 1 {
                 return Some(pose);
             }

@@ -49,6 +49,8 @@ where
     residuals: Residuals,
     rivals: Rivals,
     seen: bool,
+    /// Whether the frame before was measured, too: then the contour is near its prediction.
+    pub(super) followed: bool,
 }
 
 /// Lines for which there is room from the start; with more, the buffers grow once.
@@ -89,6 +91,7 @@ where
             residuals: Residuals::default(),
             rivals: Rivals::with_capacity(ROOM),
             seen: false,
+            followed: false,
         }
     }
 
@@ -108,6 +111,7 @@ where
         for line in &mixture.lines {
             let Some(y) = posed.locate(&line.point) else { continue };
             let u = line.normal.dot(&y.coords);
+            self.residuals.expect(line.weight);
             let Some((k, probability)) = mixture.vote(line, u, sigma).best else { continue };
             let edge = &mixture.edges[line.first as usize + k];
             if probability > 0.5 {
@@ -123,7 +127,7 @@ where
                 weight: probability,
             });
         }
-        let variance = self.residuals.variance(pose.dim().value(), self.params.localization);
+        let variance = self.residuals.variance(pose.dim().value(), self.params.localization, sigma);
         mixture.sigma = variance.sqrt().max(sigma);
         let variance = variance * self.residuals.inflation();
         for row in rows.iter_mut() {
@@ -181,7 +185,7 @@ where
         evidence: &Evidence,
         prior: &Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
-        self.seen = false;
+        self.followed = std::mem::take(&mut self.seen);
         if !prior.is_finite() {
             return Err(MeasureError::Prediction("the predicted pose is not finite"));
         }
@@ -218,6 +222,7 @@ where
 
     fn forget(&mut self) {
         self.memory.clear();
+        self.seen = false;
     }
 
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {

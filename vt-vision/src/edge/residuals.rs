@@ -4,6 +4,10 @@
 /// the picture does.
 const TRUST: f64 = 6.0;
 
+/// Share of wrong matches per share of contour without a match: where much of it has no edge, some of the edges are
+/// those of something else, within the tolerance of a match.
+const WRONG: f64 = 0.2;
+
 /// Pairs of neighbours that the expected correlation weighs as much as.
 const PAIRS: f64 = 10.0;
 
@@ -13,6 +17,8 @@ const MOST: f64 = 0.98;
 /// Sums over the matched lines of one contour, in the order along its edges.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Residuals {
+    /// Weight of all lines of the contour.
+    all: f64,
     count: f64,
     squares: f64,
     pairs: f64,
@@ -25,6 +31,11 @@ pub(super) struct Residuals {
 impl Residuals {
     pub fn clear(&mut self) {
         *self = Self::default();
+    }
+
+    /// A line of the contour, whether it was matched or not.
+    pub fn expect(&mut self, weight: f64) {
+        self.all += weight;
     }
 
     /// A line of the model edge `edge` that counts as `weight` independent ones, matched with `probability` at the
@@ -48,10 +59,13 @@ impl Residuals {
     }
 
     /// Variance of localisation (px²): mean of the scaled inverse χ² that `expected` (px) and the residuals give,
-    /// which have lost `parameters` degrees of freedom to the pose.
-    pub fn variance(&self, parameters: usize, expected: f64) -> f64 {
+    /// which have lost `parameters` degrees of freedom to the pose, and of matches within `tolerance` (px, standard
+    /// deviation) that are wrong.
+    pub fn variance(&self, parameters: usize, expected: f64, tolerance: f64) -> f64 {
         let free = (self.count - parameters as f64).max(0.0);
-        (TRUST * expected * expected + self.squares) / (TRUST + free)
+        let unsupported = if self.all > 0.0 { 1.0 - self.count / self.all } else { 0.0 };
+        let matched = (TRUST * expected * expected + self.squares) / (TRUST + free - 2.0);
+        matched + WRONG * unsupported * tolerance * tolerance
     }
 
     /// How many times fewer independent lines there are than the correlation length says, by the correlation that
@@ -87,9 +101,24 @@ mod tests {
 
     #[test]
     fn few_residuals_leave_the_expected_noise_and_many_replace_it() {
-        assert_eq!(Residuals::default().variance(6, 0.05), 0.05f64.powi(2));
-        let v = process(4000, 0.3, 0.0, 1.0).variance(6, 0.05);
+        let prior = Residuals::default().variance(6, 0.05, 1.0);
+        assert!(
+            (prior - TRUST / (TRUST - 2.0) * 0.05f64.powi(2)).abs() < 1e-15,
+            "mean of the scaled inverse χ²: {prior}"
+        );
+        let v = process(4000, 0.3, 0.0, 1.0).variance(6, 0.05, 1.0);
         assert!((v.sqrt() - 0.3).abs() < 0.02, "{v}");
+    }
+
+    #[test]
+    fn contour_without_matches_widens_by_the_tolerance_of_a_match() {
+        let [half, none] = [1.0, 0.0].map(|unmatched| {
+            let mut r = process(400, 0.1, 0.0, 1.0);
+            (0..400).for_each(|_| r.expect(1.0));
+            (0..400).for_each(|_| r.expect(unmatched));
+            r.variance(6, 0.05, 2.0)
+        });
+        assert!((half - none - WRONG * 0.5 * 4.0).abs() < 1e-12, "{half} {none}");
     }
 
     #[test]

@@ -5,4 +5,5 @@ mod duality;
 mod failures;
 mod observability;
 mod scene;
+mod search;
 mod shapes;

@@ -14,7 +14,7 @@ use crate::geometry::PoseText;
 use crate::language::FilePath;
 use crate::quantity::{Angle, Length};
 use crate::registry::Params;
-use crate::roles::InitContext;
+use crate::roles::{InitContext, ReinitContext, Start};
 
 /// Deviations of a prior pose, the same for all axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -27,7 +27,7 @@ pub struct Sigma {
 }
 
 impl Sigma {
-    fn check(&self) -> Result<(), ConfigError> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         if self.translation.si() <= 0.0 {
             return Err(ConfigError::parameter("sigma.translation", self.translation, "a positive length"));
         }
@@ -37,7 +37,7 @@ impl Sigma {
         Ok(())
     }
 
-    fn around(&self, mean: SE3, context: &InitContext<'_>) -> Gaussian<SE3> {
+    pub(super) fn around(&self, mean: SE3, context: &InitContext<'_>) -> Gaussian<SE3> {
         let value = |k| if k < 3 { self.translation.si() } else { self.rotation.si() };
         Gaussian::from_sigmas(mean, &Vector6::from_fn(|k, _| context.freedom.mask(k, value(k))))
     }
@@ -98,19 +98,19 @@ impl Params for InitTruth {
     }
 }
 
-pub(super) fn pose(p: InitPose, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
-    Ok(p.sigma.around(p.camera_from_object.pose()?, &context))
+pub(super) fn pose(p: InitPose, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
+    Ok(p.sigma.around(p.camera_from_object.pose()?, &context).into())
 }
 
-pub(super) fn file(p: InitFile, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
+pub(super) fn file(p: InitFile, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
     let pose = read_pose(&context.place.resolve(&p.path))
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable pose".into() })?;
-    Ok(p.sigma.around(pose, &context))
+    Ok(p.sigma.around(pose, &context).into())
 }
 
-pub(super) fn truth(p: InitTruth, context: InitContext<'_>) -> Result<Gaussian<SE3>, ConfigError> {
+pub(super) fn truth(p: InitTruth, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
     let offset = p.offset.unwrap_or_default().pose()?;
-    Ok(p.sigma.around(context.true_pose()? * offset, &context))
+    Ok(p.sigma.around(context.true_pose()? * offset, &context).into())
 }
 
 /// Parameters of the re-initialiser `prior`.
@@ -138,8 +138,9 @@ impl Params for ReinitPrior {
 
 pub(super) fn prior(
     p: ReinitPrior,
-    prior: &Gaussian<SE3>,
-) -> Result<Box<dyn Reinitializer<SE3>>, ConfigError> {
+    context: ReinitContext<'_, SE3>,
+) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
     let last_trusted = (p.last_trusted > 0.0).then_some(p.last_trusted);
-    Ok(Box::new(PriorPoses { priors: vec![prior.clone()], last_trusted }))
+    let priors = context.prior.cloned().into_iter().collect();
+    Ok(Some(Box::new(PriorPoses { priors, last_trusted })))
 }

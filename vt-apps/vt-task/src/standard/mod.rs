@@ -13,6 +13,7 @@ pub mod sensor;
 pub mod shape;
 pub mod simulation;
 pub mod truth;
+pub mod views;
 pub mod warp;
 
 use vt_core::error::ConfigError;
@@ -78,6 +79,7 @@ impl Registry {
             .with(Method::<Inits<SE3>>::new("pose", "a pose written in the task", init::pose))
             .with(Method::<Inits<SE3>>::new("file", "a pose from a file", init::file))
             .with(Method::<Inits<SE3>>::new("truth", "the true pose of the first frame", init::truth))
+            .with(Method::<Inits<SE3>>::new("auto", "the body is searched in the first frame", views::auto))
             .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
             .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
             .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
@@ -145,7 +147,13 @@ impl Registry {
                 loss::fused,
             ))
             .with(Method::<Losses>::new("covariance", "the paper's test of the covariance", loss::covariance))
+            .with(Method::<Reinits<SE3>>::new("none", "a lost target coasts", views::none))
             .with(Method::<Reinits<SE3>>::new("prior", "the last trusted pose, then the prior", init::prior))
+            .with(Method::<Reinits<SE3>>::new(
+                "views",
+                "as `prior`, then a search of the picture for all views of the model",
+                views::views,
+            ))
             .with(Method::<Association>::new("one-to-one", "each target measures for itself", one_to_one))
             .with(Method::<Outputs>::new("poses", "poses.tum: frame, position, quaternion", output::poses))
             .with(Method::<Outputs>::new(
