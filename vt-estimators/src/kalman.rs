@@ -15,7 +15,7 @@ use crate::congruence::congruence;
 use crate::gain::Gain;
 use crate::gaussian_filter::{GaussianFilter, linear_prediction};
 use crate::map::{maximum_a_posteriori, reset};
-use crate::prior::{at_rest, checked};
+use crate::prior::{at_rest, checked, replaces};
 
 /// Kalman filter for a state `S` with a pose `P` under the dynamics `M`.
 ///
@@ -58,7 +58,7 @@ where
         dynamics: M,
         iterations: u32,
     ) -> Result<Self, EstimateError> {
-        let belief = at_rest(prior, &rest)?;
+        let belief = at_rest(prior, &rest, &dynamics)?;
         Ok(Self { belief, dynamics, rest, iterations, considered: None, noise_factor: 1.0 })
     }
 
@@ -67,7 +67,7 @@ where
     /// # Errors
     /// When the belief is not finite or not positive semi-definite.
     pub fn from_belief(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
-        let belief = checked(belief)?;
+        let belief = checked(belief, &dynamics)?;
         Ok(Self { belief, dynamics, rest: vec![], iterations: 1, considered: None, noise_factor: 1.0 })
     }
 
@@ -110,6 +110,7 @@ where
         if !direct && self.considered.is_none() {
             return self.correct(reading);
         }
+        reading.fits(self.belief.mean.pose())?;
         let (nu, h) = reading.linearize(self.belief.mean.pose());
         fits(h.ncols(), self.belief.mean.pose())?;
         let weight = match instrument.loss() {
@@ -159,6 +160,7 @@ where
         H: MeasurementModel<P> + 'static,
         DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M>,
     {
+        reading.fits(self.belief.mean.pose())?;
         let (r, j) = reading.normalize(self.belief.mean.pose());
         fits(j.ncols(), self.belief.mean.pose())?;
         let mut p = self.belief.covariance.clone();
@@ -254,7 +256,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        self.belief = at_rest(prior, &self.rest)?;
+        self.belief = at_rest(prior, &self.rest, &self.dynamics)?;
         Ok(())
     }
 }
@@ -271,9 +273,7 @@ where
     }
 
     fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the belief"));
-        }
+        replaces(&belief, &self.belief.mean)?;
         self.belief = belief;
         Ok(())
     }
