@@ -12,7 +12,7 @@ use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
 use vt_core::batch::Row;
 use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
-use vt_core::error::ConfigError;
+use vt_core::error::{ConfigError, EstimateError};
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
 use vt_core::lie::SE3;
@@ -180,6 +180,9 @@ where
     }
     fn noise_root(&self, state: &S, dt: Seconds) -> Square<S> {
         self.0.noise_root(state, dt)
+    }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        self.0.fits(state)
     }
 }
 

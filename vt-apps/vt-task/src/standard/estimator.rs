@@ -307,4 +307,7 @@ where
     fn noise(&self, state: &S, dt: Seconds) -> Square<S> {
         self.motion.noise(state, dt) * (self.strength * self.strength)
     }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        self.motion.fits(state)
+    }
 }
