@@ -10,6 +10,8 @@ pub mod gaussian;
 pub mod gradient;
 pub mod histogram;
 pub mod integral;
+pub mod moments;
+pub mod motion;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
