@@ -3,12 +3,16 @@
 pub mod canny;
 pub mod color;
 pub mod contour;
+pub mod distance_transform;
 pub mod edge;
 pub mod edge_map;
 pub mod edge_search;
 pub mod gaussian;
 pub mod gradient;
 pub mod histogram;
+pub mod integral;
+pub mod moments;
+pub mod motion;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
