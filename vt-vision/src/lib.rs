@@ -2,6 +2,7 @@
 
 pub mod canny;
 pub mod color;
+pub mod color_likelihood;
 pub mod contour;
 pub mod edge;
 pub mod edge_map;
@@ -12,6 +13,7 @@ pub mod histogram;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
+mod rectangle;
 mod search_region;
 pub mod turns;
 pub mod view_search;
