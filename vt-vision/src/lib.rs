@@ -2,6 +2,7 @@
 
 pub mod canny;
 pub mod color;
+pub mod color_likelihood;
 pub mod contour;
 pub mod distance_transform;
 pub mod edge;
@@ -16,6 +17,7 @@ pub mod motion;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
+mod rectangle;
 mod search_region;
 pub mod turns;
 pub mod view_search;
