@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
+use nalgebra::{DefaultAllocator, DimAdd, DimSum, Point2, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
@@ -12,6 +12,7 @@ use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Tangent};
 use vt_core::report::{Assessment, Verdict};
 use vt_fusion::{AnyTarget, Target, TrackingLoop};
+use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
@@ -146,6 +147,12 @@ impl Scene {
         Summary::new(task.targets.iter().zip(&self.truths).map(|(t, truth)| (t.name.clone(), truth.clone())))
     }
 
+    /// Corners of the bounds of a flat model.
+    fn bounds(&self, model: &str) -> Bounds {
+        let [low, high] = self.shapes.get(model)?.outline().ok()?.bounds();
+        Some([low, Point2::new(high.x, low.y), high, Point2::new(low.x, high.y)])
+    }
+
     /// Opens the outputs in `folder`.
     ///
     /// # Errors
@@ -160,9 +167,11 @@ impl Scene {
     ) -> Result<Vec<Box<dyn Output>>, TaskErrors> {
         let targets: Vec<String> = task.targets.iter().map(|t| t.name.clone()).collect();
         let summary = self.summary(task);
+        let bounds: Vec<Bounds> = task.targets.iter().map(|t| self.bounds(&t.model)).collect();
         let context = OutputContext {
             folder,
             targets: &targets,
+            bounds: &bounds,
             sensors: &task.sensors,
             cameras: &self.cameras,
             header,

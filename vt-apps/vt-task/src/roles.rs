@@ -19,6 +19,7 @@ use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, AllocPair, Coordinates, Manifold, Square, Tangent};
 use vt_core::measurement::Modality;
 use vt_core::time::Seconds;
+use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
@@ -466,6 +467,8 @@ pub struct OutputContext<'a> {
     pub folder: &'a Path,
     /// Names of the targets in order.
     pub targets: &'a [String],
+    /// Corners of the bounds of the targets that are flat.
+    pub bounds: &'a [Bounds],
     /// Sensors in order.
     pub sensors: &'a [SensorSection],
     /// Cameras of the sensors, where they are calibrated.

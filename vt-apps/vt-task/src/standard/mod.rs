@@ -1,6 +1,7 @@
 //! The methods of this project; adding one is one line here.
 
 pub mod bodies;
+pub mod color;
 pub mod contour;
 pub mod edges;
 pub mod estimator;
@@ -133,6 +134,16 @@ impl Registry {
                 "covariances.csv: frame and 21 values",
                 output::covariances,
             ))
+            .with(Method::<Outputs>::new(
+                "boxes",
+                "boxes.txt: x,y,width,height of flat targets",
+                output::boxes,
+            ))
+            .with(Method::<Outputs>::new(
+                "corners",
+                "corners.txt: four corners of flat targets",
+                output::corners,
+            ))
             .with(Method::<Outputs>::new("steps", "steps.jsonl: all that a step knows", output::steps))
             .with(Method::<Outputs>::new("report", "report.json: conditions, errors, time", output::report))
             .with(Method::<Outputs>::new(
@@ -239,5 +250,10 @@ where
         .with(
             Method::<Modalities<P>>::new("contour", "outline against Canny edges", contour::contour::<P>)
                 .levels(&[Pixel]),
+        )
+        .with(
+            Method::<Modalities<P>>::new("color", "colour histograms under a kernel", color::color::<P>)
+                .levels(&[Pixel])
+                .picture(Picture::Colour),
         )
 }
