@@ -300,7 +300,7 @@ impl Sensor for SimulatedCamera {
 }
 
 /// Luma weights of ITU-R BT.709.
-fn luma([r, g, b]: &Colour) -> f32 {
+pub(crate) fn luma([r, g, b]: &Colour) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

@@ -8,6 +8,7 @@ mod lens;
 pub mod light;
 pub mod noise;
 pub mod path;
+pub mod planar;
 pub mod render;
 pub mod scenario;
 pub mod scene;

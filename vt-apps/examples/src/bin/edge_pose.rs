@@ -7,17 +7,14 @@
 //! Without options a simulated scene is tracked and the errors against the truth are printed. Own pictures take
 //! `--images`, `--model`, `--camera` and `--init`; `--task` takes a whole task file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use miette::Report;
-use vt::progress::Bar;
-use vt::run::{Options, RunError, run};
-use vt_task::{Document, Registry, TaskErrors};
+use vt_examples::{document, pictures, start};
 
 const SIMULATED: &str = include_str!("../../../tasks/edge-pose.toml");
-const OWN: &str = include_str!("../own.toml");
+const OWN: &str = include_str!("../own-edges.toml");
 
 /// Tracks a rigid body by its edges.
 #[derive(Parser)]
@@ -61,28 +58,13 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match document(&cli, &set).map_err(RunError::from).and_then(|document| start(&cli, &document)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(RunError::Task(e)) => {
-            eprintln!("{:?}", Report::new(e));
-            ExitCode::from(2)
-        }
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn document(cli: &Cli, set: &[String]) -> Result<Document, TaskErrors> {
-    let environment = |name: &str| std::env::var(name).ok();
-    match (&cli.task, &cli.images) {
-        (Some(task), _) => Document::load(task, set),
-        (None, Some(_)) => Document::parse("edge-pose with own data", OWN, Path::new(""), set, &environment),
-        (None, None) => {
-            Document::parse("edge-pose.toml (built in)", SIMULATED, Path::new(""), set, &environment)
-        }
-    }
+    let (name, text) = match cli.images {
+        Some(_) => ("edge-pose with own data", OWN),
+        None => ("edge-pose.toml (built in)", SIMULATED),
+    };
+    let document = document(cli.task.as_deref(), name, text, &set);
+    let results = [("overlays", "overlays"), ("contact sheet", "contact_sheet.png"), ("poses", "poses.tum")];
+    start(document, &cli.out, cli.max_frames, &results)
 }
 
 /// The options for own data as settings of the task.
@@ -100,9 +82,8 @@ fn own(cli: &Cli) -> Result<Vec<String>, String> {
         return Err(bad());
     }
     let quoted = |text: &str| format!("'{text}'");
-    let source = if images.contains('%') { "pattern" } else { "folder" };
     Ok(vec![
-        format!("sensors.camera.params.{source}={}", quoted(images)),
+        pictures(images),
         format!("sensors.camera.camera.size=[{w}, {h}]"),
         format!("sensors.camera.camera.focal=['{fx} px', '{fy} px']"),
         format!("sensors.camera.camera.center=['{cx} px', '{cy} px']"),
@@ -110,17 +91,4 @@ fn own(cli: &Cli) -> Result<Vec<String>, String> {
         format!("models.object.shape.params.parts.0.unit={}", quoted(&cli.unit)),
         format!("targets.object.init.params.path={}", quoted(init)),
     ])
-}
-
-fn start(cli: &Cli, document: &Document) -> Result<(), RunError> {
-    let stop = vt::interrupt::flag().unwrap_or_default();
-    let bar = Bar::new(false);
-    let options = Options { out: cli.out.clone(), max_frames: cli.max_frames, stop, ..Options::default() };
-    let result = run(document, &Registry::standard(), &options, &mut |p| bar.show(p));
-    bar.finish();
-    print!("{}", vt::verdict::describe(&result?));
-    println!("overlays:      {}", cli.out.join("overlays").display());
-    println!("contact sheet: {}", cli.out.join("contact_sheet.png").display());
-    println!("poses:         {}", cli.out.join("poses.tum").display());
-    Ok(())
 }
