@@ -12,6 +12,7 @@ pub mod motion;
 pub mod output;
 pub mod particle;
 pub mod planar;
+pub mod planar_scene;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
@@ -54,6 +55,11 @@ impl Registry {
                 "simulated",
                 "a drawn scene with known poses",
                 simulation::simulated,
+            ))
+            .with(Method::<Sensors>::new(
+                "planar-scene",
+                "a drawn scene of a flat model",
+                planar_scene::scene,
             ))
             .with(Method::<Shapes>::new(
                 "mesh",
