@@ -1,7 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+pub mod blobs;
 pub mod canny;
 pub mod color;
+pub mod components;
+pub mod discriminant;
 pub mod distance_transform;
 pub mod edge;
 pub mod edge_map;
@@ -15,5 +18,6 @@ pub mod motion;
 pub mod noise;
 pub mod plane;
 pub mod pyramid;
+pub mod segments;
 pub mod turns;
 pub mod view_search;
