@@ -7,12 +7,15 @@ use vt_core::error::ConfigError;
 use crate::canny::Canny;
 use crate::plane::Plane;
 
+/// Points at both ends of a part of a chain that do not count.
+const ROUNDED: usize = 3;
+
 /// What is a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentParams {
     /// Farthest that a point of a chain may lie from the chord of its part, pixels.
     pub tolerance: f64,
-    /// Least number of edge pixels.
+    /// Least number of edge pixels; three more at either end are left out, since smoothing rounds corners.
     pub min_points: usize,
     /// Least deviation of an edge pixel across its edge, pixels: small residuals by chance do not make it smaller.
     pub least_deviation: f64,
@@ -168,7 +171,7 @@ impl SegmentDetector {
         self.open.clear();
         self.open.push((0, self.points.len()));
         while let Some((from, to)) = self.open.pop() {
-            if to - from < params.min_points {
+            if to - from < params.min_points + 2 * ROUNDED {
                 continue;
             }
             let part = &self.points[from..to];
@@ -183,7 +186,9 @@ impl SegmentDetector {
                 self.open.push((from + far.0, to));
                 self.open.push((from, from + far.0 + 1));
             } else {
-                self.segments.extend(Segment::fit(part, params));
+                // Smoothing rounds corners: the outermost points belong to two lines.
+                let inner = &part[ROUNDED..part.len() - ROUNDED];
+                self.segments.extend(Segment::fit(inner, params));
             }
         }
     }
@@ -229,8 +234,8 @@ mod tests {
             let off =
                 (segment.centre - Point2::new(50.0, 40.0)).dot(&if wide { across } else { along }).abs();
             assert!((off - distance).abs() < 0.1, "{segment:?}");
-            assert!((segment.length() - length).abs() < 6.0, "{segment:?}");
-            assert!(segment.deviation < 0.15);
+            assert!((segment.length() - length).abs() < 10.0, "{segment:?}");
+            assert!(segment.deviation < 0.15, "{segment:?}");
         }
     }
 
