@@ -39,7 +39,7 @@ impl HueRange {
 pub fn rgb_to_grey(rgb: &[u8], grey: &mut [u8]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for (p, out) in rgb.chunks_exact(3).zip(grey) {
                 let sum = 299 * i32::from(p[0]) + 587 * i32::from(p[1]) + 114 * i32::from(p[2]);
                 // A quarter of a thousandth moves halves up and nothing else across one.
@@ -56,7 +56,7 @@ pub fn rgb_to_hsv(rgb: &[u8], range: HueRange, hue: &mut [u8], saturation: &mut 
     let steps = f32::from(range.steps());
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for (((p, h), s), v) in rgb.chunks_exact(3).zip(hue).zip(saturation).zip(value) {
                 let (r, g, b) = (i32::from(p[0]), i32::from(p[1]), i32::from(p[2]));
                 let max = r.max(g).max(b);

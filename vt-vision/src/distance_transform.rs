@@ -78,7 +78,7 @@ fn columns(mask: &[u8], width: usize, rows: &mut Vec<u16>) {
     rows.resize(mask.len(), NONE);
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             // Downwards: the last one seen above.
             for y in 0..mask.len() / width {
                 let (before, here) = rows.split_at_mut(y * width);
@@ -159,12 +159,14 @@ impl Envelope {
 fn lengths(nearest: &[[u16; 2]], y: usize, distance: &mut [f32]) {
     vectorized(
         #[inline(always)]
-        || {
-            let y = y as i32;
-            for ((x, d), &[u, v]) in (0i32..).zip(distance).zip(nearest) {
-                let (a, b) = ((i32::from(u) - x) as f32, (i32::from(v) - y) as f32);
+        move || {
+            let (y, n) = (y as i32, distance.len().min(nearest.len()));
+            let (distance, nearest) = (&mut distance[..n], &nearest[..n]);
+            for x in 0..n {
+                let [u, v] = nearest[x].map(i32::from);
+                let (a, b) = ((u - x as i32) as f32, (v - y) as f32);
                 let length = (a * a + b * b).sqrt();
-                *d = if u == NONE { f32::INFINITY } else { length };
+                distance[x] = if u == i32::from(NONE) { f32::INFINITY } else { length };
             }
         },
     );

@@ -195,7 +195,9 @@ fn along(padded: &[f32], weights: &[f32], out: &mut [f32]) {
 #[inline(always)]
 fn row_of_five(padded: &[f32], [a, b, c]: [f32; 3], out: &mut [f32]) {
     let n = out.len();
-    let [p0, p1, p2, p3, p4] = [0, 1, 2, 3, 4].map(|k| &padded[k..][..n]);
+    // One by one: lengths that go through an array are not seen to be equal, and each index would be checked.
+    let (p0, p1, p2) = (&padded[..n], &padded[1..][..n], &padded[2..][..n]);
+    let (p3, p4) = (&padded[3..][..n], &padded[4..][..n]);
     for i in 0..n {
         out[i] = p2[i] * a + (p1[i] + p3[i]) * b + (p0[i] + p4[i]) * c;
     }
@@ -208,7 +210,9 @@ fn across<'a, T: Smoothed>(row: impl Fn(i64) -> &'a [f32], weights: &[f32], out:
         #[inline(always)]
         || match *weights {
             [a, b, c] => {
-                let [p0, p1, p2, p3, p4] = [-2, -1, 0, 1, 2].map(|k| &row(k)[..n]);
+                let (p0, p1, p2) = (&row(-2)[..n], &row(-1)[..n], &row(0)[..n]);
+                let (p3, p4) = (&row(1)[..n], &row(2)[..n]);
+                let out = &mut out[..n];
                 for i in 0..n {
                     out[i] = T::of(p2[i] * a + (p1[i] + p3[i]) * b + (p0[i] + p4[i]) * c);
                 }

@@ -50,7 +50,7 @@ impl Gradient {
 fn sobel(above: &[u8], here: &[u8], below: &[u8], x: &mut [i16], y: &mut [i16]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             let n = x.len().min(y.len());
             let [a0, a1, a2] = [0, 1, 2].map(|k| &above[k..][..n]);
             let [b0, b2] = [0, 2].map(|k| &here[k..][..n]);

@@ -1,9 +1,12 @@
 #![doc = include_str!("../README.md")]
 
+pub mod blobs;
 pub mod canny;
 pub mod color;
 pub mod color_likelihood;
 pub mod contour;
+pub mod components;
+pub mod discriminant;
 pub mod distance_transform;
 pub mod edge;
 pub mod edge_map;
@@ -19,5 +22,6 @@ pub mod plane;
 pub mod pyramid;
 mod rectangle;
 mod search_region;
+pub mod segments;
 pub mod turns;
 pub mod view_search;

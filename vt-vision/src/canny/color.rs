@@ -61,7 +61,7 @@ impl Channels {
 fn pick(rgb: &[u8], channel: usize, out: &mut [u8]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for (to, from) in out.iter_mut().zip(rgb.chunks_exact(3)) {
                 *to = from[channel];
             }
@@ -73,7 +73,7 @@ fn pick(rgb: &[u8], channel: usize, out: &mut [u8]) {
 fn strongest(x: [&[i16]; 3], y: [&[i16]; 3], out_x: &mut [i16], out_y: &mut [i16]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             let n = out_x.len().min(out_y.len());
             let [x0, x1, x2] = x.map(|c| &c[..n]);
             let [y0, y1, y2] = y.map(|c| &c[..n]);

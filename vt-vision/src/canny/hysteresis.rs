@@ -56,7 +56,7 @@ impl Hysteresis {
         let rows = self.classes.chunks_exact(stride).skip(1);
         vectorized(
             #[inline(always)]
-            || {
+            move || {
                 for (row, out) in rows.zip(out.chunks_exact_mut(stride - 2)) {
                     for (m, &class) in out.iter_mut().zip(&row[1..]) {
                         *m = if class == STRONG { 255 } else { 0 };

@@ -112,7 +112,7 @@ impl Binning {
         let by_value = if ignored { 0 } else { by_value };
         vectorized(
             #[inline(always)]
-            || {
+            move || {
                 let part = |x: u8, scale: u16| ((u32::from(x) * u32::from(scale)) >> 16) as u16;
                 for (((&h, &s), &v), bin) in hue.iter().zip(saturation).zip(value).zip(bins) {
                     let coloured = part(h, by_hue) * wide + part(s, by_saturation);

@@ -6,7 +6,7 @@ use vt_core::batch::vectorized;
 pub fn difference(a: &[u8], b: &[u8], threshold: u8, mask: &mut [u8]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for ((&a, &b), m) in a.iter().zip(b).zip(mask) {
                 *m = if a.abs_diff(b) > threshold { 255 } else { 0 };
             }
@@ -19,7 +19,7 @@ pub fn difference(a: &[u8], b: &[u8], threshold: u8, mask: &mut [u8]) {
 pub fn three_frame_difference(now: &[u8], before: &[u8], earlier: &[u8], threshold: u8, mask: &mut [u8]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for (((&a, &b), &c), m) in now.iter().zip(before).zip(earlier).zip(mask) {
                 let least = a.abs_diff(b).min(a.abs_diff(c));
                 *m = if least > threshold { 255 } else { 0 };

@@ -87,7 +87,7 @@ impl MotionGradient {
 fn slopes(rows: [&[f32]; 3], [least, most]: [f32; 2], x: &mut [f32], y: &mut [f32]) {
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             let n = x.len();
             let [[a0, a1, a2], [b0, b1, b2], [c0, c1, c2]] =
                 rows.map(|row| [0, 1, 2].map(|k| &row[k..][..n]));

@@ -12,7 +12,7 @@ pub fn update_history(mask: &[u8], history: &mut [f32], stamp: f32, duration: f3
     let oldest = stamp - duration;
     vectorized(
         #[inline(always)]
-        || {
+        move || {
             for (&m, h) in mask.iter().zip(history) {
                 let kept = if *h < oldest { 0.0 } else { *h };
                 *h = if m != 0 { stamp } else { kept };

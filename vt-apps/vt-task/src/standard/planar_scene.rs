@@ -75,7 +75,11 @@ impl Params for PlanarSceneParams {
         }
         if self.colours.is_empty() || self.colours.iter().flatten().any(|c| !(0.0..=1.0).contains(c)) {
             let found = format!("{:?}", self.colours);
-            return Err(ConfigError::parameter("colours", found, "at least one colour of numbers from 0 to 1"));
+            return Err(ConfigError::parameter(
+                "colours",
+                found,
+                "at least one colour of numbers from 0 to 1",
+            ));
         }
         let scale = self.start.scale;
         if !(scale > 0.0 && scale.is_finite()) {
@@ -95,7 +99,11 @@ impl Params for PlanarSceneParams {
             return Err(ConfigError::parameter("rate", self.rate, "a positive rate from 1e-6 Hz to 1 MHz"));
         }
         if let Some(run) = self.hidden.iter().find(|[first, last]| first > last) {
-            return Err(ConfigError::parameter("hidden", format!("{run:?}"), "a first and a later last frame"));
+            return Err(ConfigError::parameter(
+                "hidden",
+                format!("{run:?}"),
+                "a first and a later last frame",
+            ));
         }
         within("noise", self.noise, 0.0, 255.0)?;
         self.background.check()
