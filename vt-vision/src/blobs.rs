@@ -44,10 +44,10 @@ impl BlobParams {
     /// [`ConfigError::Parameter`] with the first that is out of its range.
     pub fn check(self) -> Result<Self, ConfigError> {
         let fails = |key, found: f64, expected| Err(ConfigError::parameter(key, found, expected));
-        if !(self.min_area >= 1.0) {
+        if self.min_area.is_nan() || self.min_area < 1.0 {
             return fails("min_area", self.min_area, "1 px or more");
         }
-        if !(self.max_area >= self.min_area) {
+        if self.max_area.is_nan() || self.max_area < self.min_area {
             return fails("max_area", self.max_area, "min_area or more");
         }
         for (key, share) in [("min_fill", self.min_fill), ("min_ratio", self.min_ratio)] {

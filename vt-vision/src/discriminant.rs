@@ -139,7 +139,7 @@ impl<const N: usize> FisherDiscriminant<N> {
             return wrong("least_deviation", least_deviation, "a positive number");
         }
         for (class, statistics) in [(1, first), (2, second)] {
-            if !(statistics.weight > 1.0) {
+            if statistics.weight.is_nan() || statistics.weight <= 1.0 {
                 return Err(DiscriminantError::TooFew { class, weight: statistics.weight });
             }
         }

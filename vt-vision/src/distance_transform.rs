@@ -217,7 +217,7 @@ impl Processing for EdgeDistanceProcessing {
     fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
         let evidence = slot.buffer::<EdgeDistance>();
         evidence.canny.compute(frame, roi, &self.params)?;
-        evidence.distance.next().compute(evidence.canny.edges.now().mask());
+        evidence.distance.turn().compute(evidence.canny.edges.now().mask());
         Ok(())
     }
 }

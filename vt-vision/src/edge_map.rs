@@ -161,7 +161,7 @@ impl Processing for EdgeMapProcessing {
 
     fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
         let image = frame.grey()?;
-        slot.buffer::<Turns<EdgeMap>>().next().compute(image, roi, self.min_contrast);
+        slot.buffer::<Turns<EdgeMap>>().turn().compute(image, roi, self.min_contrast);
         Ok(())
     }
 }

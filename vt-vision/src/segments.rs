@@ -77,7 +77,7 @@ impl Segment {
         let scatter: Matrix2<f64> = points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
         let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(scatter);
         let long = eigenvalues.imax();
-        if !(eigenvalues[long] > 0.0) {
+        if eigenvalues[long].is_nan() || eigenvalues[long] <= 0.0 {
             return None;
         }
         let mut direction: Vector2<f64> = eigenvectors.column(long).into_owned();

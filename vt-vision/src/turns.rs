@@ -17,7 +17,7 @@ impl<T: Clone> Turns<T> {
     }
 
     /// The other buffer, to be filled; it is what was made last from here on.
-    pub fn next(&mut self) -> &mut T {
+    pub fn turn(&mut self) -> &mut T {
         core::mem::swap(&mut self.now, &mut self.spare);
         Arc::make_mut(&mut self.now)
     }
@@ -30,11 +30,11 @@ mod tests {
     #[test]
     fn what_is_kept_does_not_change_and_buffers_come_back() {
         let mut turns = Turns::<Vec<u8>>::default();
-        *turns.next() = vec![1];
+        *turns.turn() = vec![1];
         let kept = turns.now().clone();
-        *turns.next() = vec![2];
+        *turns.turn() = vec![2];
         assert_eq!((&kept[..], &turns.now()[..]), (&[1][..], &[2][..]));
         drop(kept);
-        assert_eq!(turns.next(), &[1]);
+        assert_eq!(turns.turn(), &[1]);
     }
 }

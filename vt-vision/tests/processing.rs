@@ -47,9 +47,10 @@ fn units() -> Vec<Box<dyn Processing>> {
     ]
 }
 
+/// Ten pictures a second of a disc that comes back every five.
 fn frame(k: u32, size: (u32, u32), color: bool) -> Frame {
     let level = |x: u32, y: u32| {
-        let disc = x.abs_diff(20 + 3 * (k % 10)).pow(2) + y.abs_diff(25).pow(2) < 150;
+        let disc = x.abs_diff(20 + 3 * (k % 5)).pow(2) + y.abs_diff(25).pow(2) < 150;
         if disc { 200 } else { 60 + ((x * 5 + y * 3 + x * y) % 23) as u8 }
     };
     let payload = if color {
@@ -58,7 +59,7 @@ fn frame(k: u32, size: (u32, u32), color: bool) -> Frame {
     } else {
         Payload::Grey(Arc::new(GrayImage::from_fn(size.0, size.1, |x, y| Luma([level(x, y)]))))
     };
-    Frame { sensor: SENSOR, number: k.into(), time: Timestamp(40_000_000 * i64::from(k)), payload }
+    Frame { sensor: SENSOR, number: k.into(), time: Timestamp(100_000_000 * i64::from(k)), payload }
 }
 
 #[test]

@@ -200,8 +200,8 @@ impl CannyEvidence {
         params: &CannyParams,
     ) -> Result<(), MeasureError> {
         match &frame.payload {
-            Payload::Rgb(image) if params.color => self.edges.next().compute_color(image, roi, params),
-            _ => self.edges.next().compute(grey_of(frame, &mut self.grey)?, roi, params),
+            Payload::Rgb(image) if params.color => self.edges.turn().compute_color(image, roi, params),
+            _ => self.edges.turn().compute(grey_of(frame, &mut self.grey)?, roi, params),
         }
         Ok(())
     }

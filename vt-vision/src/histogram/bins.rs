@@ -187,7 +187,7 @@ impl Processing for ColorBinsProcessing {
     }
 
     fn run(&self, frame: &Frame, roi: Option<Roi>, slot: &mut Slot) -> Result<(), MeasureError> {
-        slot.buffer::<Turns<ColorBins>>().next().compute(frame.rgb()?, roi, &self.binning);
+        slot.buffer::<Turns<ColorBins>>().turn().compute(frame.rgb()?, roi, &self.binning);
         Ok(())
     }
 }
