@@ -39,7 +39,8 @@ fn picture(pose: &Sim2, outline: &Outline) -> RgbImage {
         } else {
             (i64::from(x / 23) * 7 + i64::from(y / 19) * 5, 30)
         };
-        let level = |k: i64| base + (tile * (k + 2) * 29).rem_euclid(100) + (random.uniform() * 12.0) as i64;
+        let mut level =
+            |k: i64| base + (tile * (k + 2) * 29).rem_euclid(100) + (random.uniform() * 12.0) as i64;
         Rgb([level(0) as u8, level(1) as u8, level(2) as u8])
     })
 }
