@@ -22,6 +22,7 @@ pub mod random;
 pub mod report;
 pub mod robust;
 pub mod sketch;
+pub mod tempering;
 pub mod time;
 
 pub use nalgebra;

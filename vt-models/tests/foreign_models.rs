@@ -213,3 +213,29 @@ fn edges_of_the_castle_survive_soup() {
     let model = EdgeModel::new(&cube, &EdgeOptions::default()).unwrap();
     assert_eq!((model.edges().len(), model.report().creases), (12, 12));
 }
+
+/// The outline of the paper's Fig. 5: a hand in its bind pose, from the side on which it is broadest.
+#[test]
+fn the_hand_has_an_outline() {
+    let Some(root) = folder("VT_DATA") else { return };
+    let mesh = load_mesh(root.join("models/hand/right.glb"), Unit::Metre).unwrap_or_else(|e| panic!("{e}"));
+    let bounds = mesh.bounds();
+    let (size, centre) = (bounds.max - bounds.min, bounds.center());
+    // Looking along the thinnest axis from ten diagonals away.
+    let towards = nalgebra::Vector3::ith(size.imin(), 1.0);
+    let turn = nalgebra::UnitQuaternion::rotation_between(&towards, &nalgebra::Vector3::z()).unwrap();
+    let distance = 10.0 * bounds.diagonal();
+    let shift = nalgebra::Vector3::new(0.0, 0.0, distance) - turn * centre.coords;
+    let pose = vt_core::lie::SE3::new(turn, shift);
+    let camera = vt_models::camera::Camera::new(3200.0, 3200.0, 319.5, 239.5, 640, 480).unwrap();
+    let outline = vt_models::outline::Outline::silhouette(&mesh, &camera, &pose).unwrap().centred();
+    let [low, high] = outline.bounds();
+    let extent = high - low;
+    let share = outline.area() / (extent.x * extent.y);
+    println!("extent {extent}, share {share:.2}, length {:.0}", outline.length());
+    // Fingers: less than its box, and a rim longer than that of the box.
+    assert!((0.25..0.8).contains(&share), "{share}");
+    assert!(outline.length() > 1.9 * (extent.x + extent.y), "{}", outline.length());
+    let large = outline.scaled(150.0 / extent.max()).unwrap();
+    assert_eq!(large.sample(60).points().len(), 60);
+}

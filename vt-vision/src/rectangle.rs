@@ -30,6 +30,17 @@ impl Rectangle {
         [[-x, -y], [x, -y], [x, y], [-x, y]].map(Point2::from)
     }
 
+    /// About `count` places at equal distances all over it, by rows.
+    pub fn lattice(&self, count: usize) -> Vec<Point2<f64>> {
+        let [x, y] = self.half;
+        let across = (count as f64 * x / y).sqrt().round().clamp(2.0, count as f64 / 2.0);
+        let down = (count as f64 / across).round().max(2.0);
+        let place = |k: usize, n: f64, half: f64| half * ((2 * k + 1) as f64 / n - 1.0);
+        let row =
+            |j: usize| (0..across as usize).map(move |i| Point2::new(place(i, across, x), place(j, down, y)));
+        (0..down as usize).flat_map(row).collect()
+    }
+
     /// Draws its sides.
     pub fn sketch<P: PlanarMotion>(&self, warp: &PlanarWarp<P>, pose: &P, out: &mut Vec<Mark>)
     where

@@ -56,8 +56,8 @@ impl KernelPart {
         // Area of the image of a small square at the centre.
         let growth = image_from_object.determinant() / (h.z * h.z * h.z);
         let area = core::f64::consts::PI * self.half_axes.x * self.half_axes.y * growth.abs();
-        // NaN becomes one.
-        (area / samples as f64).sqrt().ceil().max(1.0).min(1000.0) as u32
+        // NaN becomes zero, and that one.
+        ((area / samples as f64).sqrt().ceil() as u32).clamp(1, 1000)
     }
 
     /// Calls `f` for every pixel of the lattice under the kernel. `false` where the map folds the ellipse, or makes so much
@@ -80,7 +80,8 @@ impl KernelPart {
         let m = if affine { m / m.m33 } else { m };
         let step = f64::from(lattice.stride);
         let (top, bottom) = ((rows[0] / step).ceil(), (rows[1] / step).floor());
-        if !(bottom - top < lattice.most) {
+        let few = bottom - top < lattice.most;
+        if !few {
             return false;
         }
         let region = bins.region();
@@ -100,7 +101,8 @@ impl KernelPart {
             let (root, scale) = (discriminant.sqrt(), 1.0 / (a * step));
             let (first, last) = (((-b - root) * scale).ceil(), ((-b + root) * scale).floor());
             looked += last - first;
-            if !(looked < lattice.most) {
+            let few = looked < lattice.most;
+            if !few {
                 return false;
             }
             let pixel = |i: i64, bin: u16| {
@@ -143,7 +145,8 @@ impl KernelPart {
         };
         let (p, w) = (axis(1), axis(2));
         // Depth is positive all over the ellipse.
-        if !(w[2] > (w[0] * w[0] + w[1] * w[1]).sqrt()) {
+        let in_front = w[2] > (w[0] * w[0] + w[1] * w[1]).sqrt();
+        if !in_front {
             return None;
         }
         let product = |a: [f64; 3], b: [f64; 3]| a[2] * b[2] - a[0] * b[0] - a[1] * b[1];

@@ -180,7 +180,8 @@ where
                 total += sums[k];
             }
             let q = &mut sums[..self.classes];
-            if !whole || !(total > 0.0) {
+            let seen = whole && total > 0.0;
+            if !seen {
                 q.fill(0.0);
                 return f(q, 0.0);
             }

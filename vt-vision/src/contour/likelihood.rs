@@ -2,15 +2,16 @@
 
 use core::marker::PhantomData;
 
-use nalgebra::{DefaultAllocator, Point2, Vector2};
-use vt_core::agent::{Posed, Warp};
+use nalgebra::{DefaultAllocator, Point2};
+use vt_core::agent::Warp;
 use vt_core::manifold::{Alloc, Manifold, Tangent};
 use vt_core::math;
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
-use vt_models::contour::{Contour, normal};
+use vt_models::contour::Contour;
 
 use super::lines::EdgeLines;
-use super::params::{ContourParams, MOST_SAMPLES};
+use super::params::ContourParams;
+use super::places::{Place, places};
 use crate::edge::Hypotheses;
 
 /// `√(2π)`.
@@ -37,17 +38,6 @@ where
     /// `1 / τ`.
     weight: f64,
     pose: PhantomData<fn() -> P>,
-}
-
-/// A contour point in the picture.
-#[derive(Clone, Copy)]
-pub(super) struct Place {
-    /// Number of the point.
-    pub index: usize,
-    pub y: Point2<f64>,
-    pub normal: Vector2<f64>,
-    /// Distance of the point's neighbours.
-    length: f64,
 }
 
 /// An edge on a normal.
@@ -82,27 +72,6 @@ where
         }
     }
 
-    /// Calls `f` for every contour point that has a place and a normal in the picture.
-    #[inline]
-    fn places(&self, posed: &W::Posed<'_>, mut f: impl FnMut(Place)) {
-        let mut images = [Point2::new(f64::NAN, f64::NAN); MOST_SAMPLES];
-        let points = self.contour.points();
-        let images = &mut images[..points.len()];
-        for (image, point) in images.iter_mut().zip(points) {
-            if let Some(y) = posed.locate(point) {
-                *image = y;
-            }
-        }
-        for (index, (&y, &[before, after])) in images.iter().zip(self.contour.links()).enumerate() {
-            let (before, after) = (images[before as usize], images[after as usize]);
-            if let Some(normal) = normal(&before, &after) {
-                // The normal is the difference turned and divided by this.
-                let length = normal.x * (after.y - before.y) - normal.y * (after.x - before.x);
-                f(Place { index, y, normal, length });
-            }
-        }
-    }
-
     /// `P(normal | p)` against clutter at its temperature of one, as a factor and a logarithm.
     #[inline]
     fn ratio(&self, place: &Place) -> (f64, f64) {
@@ -124,7 +93,7 @@ where
 
     fn log_likelihood(&self, pose: &P) -> f64 {
         let (mut product, mut sum) = (1.0, 0.0);
-        self.places(&self.warp.at(pose), |place| {
+        places::<P, W>(&self.warp.at(pose), &self.contour, |place| {
             let (factor, logarithm) = self.ratio(&place);
             product *= factor;
             sum += logarithm;
@@ -140,7 +109,7 @@ where
     /// the logarithm of the normal against clutter.
     pub(super) fn each(&self, posed: &W::Posed<'_>, mut f: impl FnMut(Place, &[Hit], f64)) {
         let mut hits = [Hit::default(); MOST_HITS];
-        self.places(posed, |place| {
+        places::<P, W>(posed, &self.contour, |place| {
             let mut count = 0;
             self.lines.each(place.y, place.normal, self.range, |residual, at| {
                 if let Some(hit) = hits.get_mut(count) {
@@ -172,28 +141,17 @@ where
 
     /// Calls `f(residual, Jacobian, probability)` for every edge that may be the contour's; returns the cost, with τ.
     ///
-    /// A normal turns with the pose, so that `r = n · (m − y)` has the derivative
-    /// `−n · ∂y − (t · (m − y)) (n · ∂(y₊ − y₋)) / |y₊ − y₋|` with the unit tangent `t`.
+    /// A normal turns with the pose, `∂n = −t ω`, so that `r = n · (m − y)` has the derivative `−n · ∂y − (t · (m − y)) ω`.
     fn rows(&self, at: &P, mut f: impl FnMut(f64, &Tangent<P>, f64)) -> f64 {
         let posed = self.warp.at(at);
-        let derivative = |k: usize, normal: &Vector2<f64>| {
-            Some(posed.linearize(&self.contour.points()[k])?.1.tr_mul(normal))
-        };
         let mut sum = 0.0;
         self.each(&posed, |place, hits, logarithm| {
             sum += logarithm;
             if hits.iter().all(|h| h.strength == 0.0) {
                 return;
             }
-            let [before, after] =
-                self.contour.links()[place.index].map(|k| derivative(k as usize, &place.normal));
-            let (Some(own), Some(before), Some(after)) =
-                (derivative(place.index, &place.normal), before, after)
-            else {
-                return;
-            };
-            let turn = (after - before) / place.length;
-            let tangent = Vector2::new(-place.normal.y, place.normal.x);
+            let Some((own, turn)) = place.derivatives::<P, W>(&posed, &self.contour) else { return };
+            let tangent = place.tangent();
             for hit in hits.iter().filter(|h| h.strength > 0.0) {
                 let sideways = tangent.dot(&(hit.at - place.y));
                 f(hit.residual, &(&own + &turn * sideways), hit.strength);

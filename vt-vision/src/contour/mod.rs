@@ -15,14 +15,20 @@
 //! normals count as eight independent ones. The estimator reports the effective number of particles in
 //! [`Innovation`](vt_core::report::Innovation); a third to a half of the number is healthy, and τ is the knob.
 //!
+//! **Oriented chamfer** ([`ChamferModality`]) is the other way: every contour point goes to the nearest edge, by a distance transform,
+//! whatever its direction, and the angle between both counts as well as the distance.
+//!
 //! **Speed.** Edges come from [`Canny`](crate::canny) and are kept as bits of rows and columns once a frame, so that one
 //! shift shows all edges on a normal.
 
+mod chamfer;
 mod likelihood;
 mod lines;
 mod modality;
 mod params;
+mod places;
 
+pub use chamfer::{ChamferLikelihood, ChamferModality, ChamferParams};
 pub use likelihood::ContourLikelihood;
 pub use lines::{EdgeLines, REACH};
 pub use modality::ContourModality;

@@ -1,7 +1,7 @@
 //! The contour modality of one target.
 
 use nalgebra::DefaultAllocator;
-use vt_core::agent::Warp;
+use vt_core::agent::{Posed, Warp};
 use vt_core::belief::Gaussian;
 use vt_core::error::{ConfigError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
@@ -30,6 +30,31 @@ where
     seen: bool,
 }
 
+/// Refuses contours without points and with too many.
+pub(super) fn check_count<B>(contour: &Contour<B>) -> Result<(), ConfigError> {
+    let count = contour.points().len();
+    if (3..=MOST_SAMPLES).contains(&count) {
+        return Ok(());
+    }
+    Err(ConfigError::parameter("samples", count, format!("3 to {MOST_SAMPLES} contour points")))
+}
+
+/// Draws a contour.
+pub(super) fn sketch_contour<P: Manifold, T: Posed<P>>(
+    posed: &T,
+    contour: &Contour<T::Body>,
+    out: &mut Vec<Mark>,
+) where
+    DefaultAllocator: Alloc<P::D>,
+{
+    for (point, &[_, after]) in contour.points().iter().zip(contour.links()) {
+        if let (Some(from), Some(to)) = (posed.locate(point), posed.locate(&contour.points()[after as usize]))
+        {
+            out.push(Mark::Segment { from: from.into(), to: to.into(), role: Role::Model });
+        }
+    }
+}
+
 impl<P: Manifold, W: Warp<P>> ContourModality<P, W>
 where
     DefaultAllocator: Alloc<P::D>,
@@ -37,7 +62,7 @@ where
     /// A modality that looks with `warp` for `contour` among the edges that `canny` finds in the pictures of `sensor`.
     ///
     /// # Errors
-    /// [`ConfigError`] for parameters out of range, and for a contour without points or with too many.
+    /// [`ConfigError`] for parameters out of range, and for a contour with too few or too many points.
     pub fn new(
         params: ContourParams,
         canny: CannyParams,
@@ -45,14 +70,8 @@ where
         warp: W,
         contour: Contour<W::Body>,
     ) -> Result<Self, ConfigError> {
-        let (params, count) = (params.check()?, contour.points().len());
-        if !(3..=MOST_SAMPLES).contains(&count) {
-            return Err(ConfigError::parameter(
-                "samples",
-                count,
-                format!("3 to {MOST_SAMPLES} contour points"),
-            ));
-        }
+        let params = params.check()?;
+        check_count(&contour)?;
         let needs = [CannyProcessing::key_for(sensor, &canny)];
         let likelihood = ContourLikelihood::new(&params, warp, contour);
         Ok(Self { params, canny, needs, likelihood, seen: false })
@@ -103,14 +122,8 @@ where
     }
 
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
-        use vt_core::agent::Posed;
         let posed = self.likelihood.warp.at(pose);
-        let points = self.likelihood.contour.points();
-        for (point, &[_, after]) in points.iter().zip(self.likelihood.contour.links()) {
-            if let (Some(from), Some(to)) = (posed.locate(point), posed.locate(&points[after as usize])) {
-                out.push(Mark::Segment { from: from.into(), to: to.into(), role: Role::Model });
-            }
-        }
+        sketch_contour(&posed, &self.likelihood.contour, out);
         self.likelihood.each(&posed, |place, hits, _| {
             match hits.iter().max_by(|a, b| a.strength.total_cmp(&b.strength)) {
                 Some(hit) => {

@@ -1,0 +1,5 @@
+//! Flat targets in simulated pictures: both forms of every measurement agree, and each leads a nearby start to the truth.
+
+mod convergence;
+mod duality;
+mod scene;
