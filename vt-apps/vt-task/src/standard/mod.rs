@@ -3,6 +3,7 @@
 pub mod bodies;
 pub mod edges;
 pub mod estimator;
+pub mod fusion;
 pub mod init;
 pub mod loss;
 pub mod motion;
@@ -23,8 +24,8 @@ use crate::language::Level::{Feature, Object, Pixel};
 use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
-    AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, FusionProduct, Fusions,
-    Inits, Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+    AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, Fusions, Inits, Losses,
+    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
 };
 
 impl Registry {
@@ -90,8 +91,52 @@ impl Registry {
                     .calibrated(),
             )
             .with(
-                Method::<Fusions>::new("stacked", "static: independent measurements are stacked", stacked)
-                    .levels(&[Pixel, Feature, Object]),
+                Method::<Fusions>::new(
+                    "stacked",
+                    "static: independent measurements are stacked",
+                    fusion::stacked,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "sequential",
+                    "static: one measurement after the other",
+                    fusion::sequential,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "information-sum",
+                    "static: one pose with the sum of information, linearised at the prediction",
+                    fusion::information_sum,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "intersection",
+                    "dynamic: a track for each modality; covariance intersection",
+                    fusion::intersection,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "bar-shalom-campo",
+                    "dynamic: a track for each of two modalities; best combination, motions of the pose alone",
+                    fusion::bar_shalom_campo,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "equivalent-measurements",
+                    "dynamic: a track for each modality; a central filter of what they learn",
+                    fusion::equivalent_measurements,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(
                 Method::<Estimators<SE3>>::new(
@@ -179,10 +224,6 @@ impl Registry {
 
 fn unknown(_: NoParams, _: Place<'_>) -> Result<AppearanceProduct, ConfigError> {
     Ok(AppearanceProduct::Unknown)
-}
-
-fn stacked(_: NoParams, _: ()) -> Result<FusionProduct, ConfigError> {
-    Ok(FusionProduct::Stacked)
 }
 
 fn one_to_one(_: NoParams, _: ()) -> Result<AssociationProduct, ConfigError> {
