@@ -123,7 +123,8 @@ fn linear_filters() {
     for (name, mut filter) in filters {
         let difference = golden.difference(filter.as_mut(), &golden.position(), "");
         println!("kf_cv, {name}: {difference:.1e}");
-        assert!(difference < 1e-11, "{name}: {difference}");
+        // Rounding: ours differ as much from each other.
+        assert!(difference < 4e-14, "{name}: {difference}");
     }
 }
 
@@ -142,10 +143,12 @@ fn smoother() {
     let (means, covariances) = (golden.list::<4>("mean"), golden.covariances("covariance"));
     // Ours begins with the prior.
     assert_eq!((smoothed.len(), means.len()), (41, 40));
+    let mut largest = 0.0_f64;
     for ((belief, mean), covariance) in smoothed[1..].iter().zip(&means).zip(&covariances) {
-        let difference = (belief.mean.0 - mean).amax().max((belief.covariance - covariance).amax());
-        assert!(difference < 1e-11, "{difference}");
+        largest = largest.max((belief.mean.0 - mean).amax()).max((belief.covariance - covariance).amax());
     }
+    println!("rts_cv: {largest:.1e}");
+    assert!(largest < 4e-13, "{largest}");
 }
 
 /// FilterPy against Stone Soup: 4e-7, since the latter takes its Jacobian by differences. Ours is analytic.
@@ -157,7 +160,7 @@ fn extended_filter() {
         KalmanFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion()).expect("a prior");
     let difference = golden.difference(&mut filter, &instrument, "");
     println!("ekf_bearing_range: {difference:.1e}");
-    assert!(difference < 1e-10, "{difference}");
+    assert!(difference < 1e-13, "{difference}");
 }
 
 /// With points drawn anew before the update, as ours are: 2e-5 between the two libraries because of the mean of bearings
@@ -170,7 +173,7 @@ fn unscented_filter() {
     let filter = SigmaPointFilter::<Plane, Plane, _>::from_belief(golden.prior(), golden.motion(), rule);
     let difference = golden.difference(&mut filter.expect("a prior"), &instrument, "");
     println!("ukf_bearing_range: {difference:.1e}");
-    assert!(difference < 1e-9, "{difference}");
+    assert!(difference < 1e-13, "{difference}");
 }
 
 /// FilterPy against the textbook recursion: 1e-14.
@@ -189,6 +192,7 @@ fn interacting_models() {
     let (means, covariances) = (golden.list::<4>("mean"), golden.covariances("covariance"));
     let probabilities = golden.list::<2>("mode_probabilities");
     let position = golden.position();
+    let mut largest = 0.0_f64;
     for (k, z) in golden.list::<2>("measurements").into_iter().enumerate() {
         imm.predict(Seconds(1.0)).expect("finite");
         imm.correct(&position.read(z).expect("finite")).expect("finite");
@@ -196,6 +200,8 @@ fn interacting_models() {
         let found = DVector::from_iterator(2, imm.probabilities());
         let modes = (Vector2::new(found[0], found[1]) - probabilities[k]).amax();
         let difference = (belief.mean.0 - means[k]).amax().max((belief.covariance - covariances[k]).amax());
-        assert!(modes < 1e-11 && difference < 1e-10, "step {k}: {modes} {difference}");
+        largest = largest.max(modes).max(difference);
     }
+    println!("imm_cv: {largest:.1e}");
+    assert!(largest < 1e-13, "{largest}");
 }

@@ -144,6 +144,16 @@ where
     fn noise_root(&self, state: &S, dt: Seconds) -> Square<S> {
         crate::dynamics::pivoted_root(&self.noise(state, dt))
     }
+
+    /// Whether the model is made for states of this size; estimators ask before they start. Models of a size that is only known
+    /// at run time override it.
+    ///
+    /// # Errors
+    /// [`EstimateError::Dimension`] when it is not.
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        let _ = state;
+        Ok(())
+    }
 }
 
 /// Bayesian estimator of a pose (paper Eq. 6).

@@ -124,6 +124,16 @@ pub enum EstimateError {
     ZeroLikelihood,
 }
 
+impl EstimateError {
+    /// [`Self::Dimension`] unless both are equal.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn unless_equal(what: &'static str, found: usize, expected: usize) -> Result<(), Self> {
+        if found == expected { Ok(()) } else { Err(Self::Dimension { what, found, expected }) }
+    }
+}
+
 /// A sensor or an output failed.
 #[derive(Debug, Error)]
 #[error("{what}: {why}")]

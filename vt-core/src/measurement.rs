@@ -3,7 +3,7 @@
 use nalgebra::{DefaultAllocator, U1};
 
 use crate::belief::Gaussian;
-use crate::error::MeasureError;
+use crate::error::{EstimateError, MeasureError};
 use crate::evidence::{Evidence, EvidenceKey};
 use crate::frame::Roi;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
@@ -28,6 +28,16 @@ pub trait Measurement<P: Manifold>: Sync
 where
     DefaultAllocator: Alloc<P::D>,
 {
+    /// Whether poses of this size can be compared with it; estimators ask before anything else. Measurements of a size that is
+    /// only known at run time override it.
+    ///
+    /// # Errors
+    /// [`EstimateError::Dimension`] when they cannot.
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        let _ = at;
+        Ok(())
+    }
+
     /// `ln P(z|p)` up to a constant for a batch of hypotheses; `out` has the length of `poses`.
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]);
 

@@ -49,6 +49,15 @@ where
     /// `h(at)`.
     fn predict(&self, at: &P) -> OVector<f64, Self::M>;
 
+    /// Whether `h` is made for poses of this size; see [`Measurement::fits`].
+    ///
+    /// # Errors
+    /// [`EstimateError::Dimension`] when it is not.
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        let _ = at;
+        Ok(())
+    }
+
     /// `z ⊟ h`: `seen − predicted` unless overridden (angles wrap).
     fn residual(
         &self,
@@ -142,6 +151,9 @@ where
     fn jacobian(&self, _: &P) -> Option<OMatrix<f64, M, P::D>> {
         Some(self.0.clone())
     }
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        EstimateError::unless_equal("the measurement's matrix", self.0.ncols(), at.dim().value())
+    }
 }
 
 /// A model some rows of which are angles in radians: their residuals lie in `(−π, π]`.
@@ -180,6 +192,9 @@ where
     }
     fn jacobian(&self, at: &P) -> Option<OMatrix<f64, H::M, P::D>> {
         self.model.jacobian(at)
+    }
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        self.model.fits(at)
     }
 }
 
@@ -332,15 +347,25 @@ where
 
     /// `z ⊟ h(at)`.
     pub fn residual(&self, at: &P) -> OVector<f64, H::M> {
-        let model = &self.instrument.0.model;
-        model.residual(&self.z, &model.predict(at))
+        self.apart(&self.instrument.0.model.predict(at))
     }
 
     /// `z ⊟ h(at)` and the Jacobian of `h`.
     pub fn linearize(&self, at: &P) -> (OVector<f64, H::M>, OMatrix<f64, H::M, P::D>) {
-        let model = &self.instrument.0.model;
-        let (predicted, jacobian) = model.linearize(at);
-        (model.residual(&self.z, &predicted), jacobian)
+        let (predicted, jacobian) = self.instrument.0.model.linearize(at);
+        let (m, columns) = (self.z.shape_generic().0, jacobian.shape_generic().1);
+        if jacobian.nrows() == self.z.len() {
+            return (self.apart(&predicted), jacobian);
+        }
+        (self.apart(&predicted), OMatrix::repeat_generic(m, columns, f64::NAN))
+    }
+
+    /// `z ⊟ predicted`; no numbers, which every estimator refuses, where `h` has another number of rows than its noise.
+    fn apart(&self, predicted: &OVector<f64, H::M>) -> OVector<f64, H::M> {
+        if predicted.len() == self.z.len() {
+            return self.instrument.0.model.residual(&self.z, predicted);
+        }
+        self.z.map(|_| f64::NAN)
     }
 
     /// [`Self::linearize`] in units of the noise.
@@ -362,6 +387,10 @@ where
     H: MeasurementModel<P>,
     DefaultAllocator: AllocPair<P::D, H::M>,
 {
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        self.instrument.0.model.fits(at)
+    }
+
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
         for (pose, l) in poses.iter().zip(out) {
             let square = self.normalized(pose).norm_squared();
@@ -375,6 +404,10 @@ where
     fn residuals(&self, at: &P, out: &mut Linearized<P>) {
         out.clear();
         let (r, j) = self.normalize(at);
+        if j.ncols() != at.dim().value() {
+            // A Jacobian of another size says nothing that an estimator would take.
+            return out.push(f64::NAN, at.zero(), 1.0, 1.0);
+        }
         let weight = self.instrument.0.robust.weight(r.norm());
         for k in 0..r.len() {
             out.push(r[k], j.row(k).transpose(), 1.0, weight);
@@ -383,6 +416,9 @@ where
 
     fn normal_equations(&self, at: &P, out: &mut NormalEquations<P>) {
         let (r, j) = self.normalize(at);
+        if j.ncols() != at.dim().value() {
+            return out.gradient.fill(f64::NAN);
+        }
         j.tr_mul_to(&j, &mut out.information);
         j.tr_mul_to(&r, &mut out.gradient);
         out.rows = r.len();

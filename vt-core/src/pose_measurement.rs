@@ -1,8 +1,9 @@
 //! Object-level measurement: a pose seen directly, with its information.
 
-use nalgebra::DefaultAllocator;
+use nalgebra::{DefaultAllocator, Dim};
 
 use crate::dynamics::semidefinite_root;
+use crate::error::EstimateError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 
@@ -55,6 +56,16 @@ impl<P: Manifold> Measurement<P> for PoseMeasurement<P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        let expected = at.dim().value();
+        EstimateError::unless_equal("the measured pose", self.pose.dim().value(), expected)?;
+        EstimateError::unless_equal(
+            "the information of the measured pose",
+            self.information.nrows(),
+            expected,
+        )
+    }
+
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
         for (pose, l) in poses.iter().zip(out) {
             let e = self.pose.local(pose);

@@ -65,9 +65,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let (pose, place) = (filter.pose(), truth[50].1);
     println!(
-        "at the end: {:.2} ± {:.2} m, truth {place:.2} m",
+        "at the end: {:.2} ± {:.2} m in the mean of two modes, most likely {:.2} m, truth {place:.2} m",
         pose.mean.0.x,
-        pose.covariance[(0, 0)].sqrt()
+        pose.covariance[(0, 0)].sqrt(),
+        filter.mode().0.x
     );
 
     let area = SVGBackend::new("particles.svg", (900, 500)).into_drawing_area();
@@ -77,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .x_label_area_size(30)
         .y_label_area_size(40)
         .build_cartesian_2d(0.0..10.0, -4.0..13.0)?;
-    chart.configure_mesh().x_desc("time / s").y_desc("place / m").draw()?;
+    chart.configure_mesh().light_line_style(TRANSPARENT).x_desc("time / s").y_desc("place / m").draw()?;
     for door in DOORS {
         chart.draw_series(LineSeries::new([(0.0, door), (10.0, door)], GREEN.mix(0.5).stroke_width(8)))?;
     }

@@ -54,7 +54,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let area = SVGBackend::new("smooth.svg", (900, 500)).into_drawing_area();
     area.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&area).margin(20).build_cartesian_2d(0.0..20.0, -2.0..4.0)?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin(20)
+        .x_label_area_size(40)
+        .y_label_area_size(50)
+        .build_cartesian_2d(0.0..20.0, -6.0..4.0)?;
+    chart.configure_mesh().light_line_style(TRANSPARENT).x_desc("time / s").y_desc("place / m").draw()?;
     for (track, colour) in [(&filtered, RED), (&smoothed, BLUE)] {
         let edge = |side: f64| times.iter().zip(track.iter()).map(move |(t, (x, s))| (*t, x + side * s));
         let band: Vec<_> = edge(2.0).chain(edge(-2.0).collect::<Vec<_>>().into_iter().rev()).collect();

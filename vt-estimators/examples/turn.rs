@@ -1,4 +1,4 @@
-//! A target that turns, seen by bearing and range: three filters, drawn as `turn.svg` in the current folder.
+//! A target that turns, seen by bearing and range: two filters, drawn as `turn.svg` in the current folder.
 
 use std::error::Error;
 
@@ -73,7 +73,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let area = SVGBackend::new("turn.svg", (800, 700)).into_drawing_area();
     area.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&area).margin(20).build_cartesian_2d(range(|p| p.0), range(|p| p.1))?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin(20)
+        .x_label_area_size(40)
+        .y_label_area_size(50)
+        .build_cartesian_2d(range(|p| p.0), range(|p| p.1))?;
+    chart.configure_mesh().light_line_style(TRANSPARENT).x_desc("x / m").y_desc("y / m").draw()?;
     chart.draw_series(seen.iter().map(|p| Circle::new(*p, 2, BLACK.mix(0.4).filled())))?;
     chart.draw_series(LineSeries::new(truths.clone(), BLACK.stroke_width(2)))?;
     for (track, colour) in tracks.iter().zip([RED, BLUE]) {

@@ -157,6 +157,9 @@ impl<P: Manifold> Measurement<P> for Scaled<'_, P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        self.z.fits(at)
+    }
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
         self.z.log_likelihoods(poses, out);
         out.iter_mut().for_each(|l| *l /= self.factor);

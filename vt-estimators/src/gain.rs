@@ -6,8 +6,7 @@
 //! S = H P Hᵀ + R,   K = P Hᵀ S⁻¹,   P⁺ = (1 − KH) P (1 − KH)ᵀ + K R Kᵀ
 //! ```
 //!
-//! Joseph's form is symmetric, positive semi-definite in spite of rounding, and true for any gain: also for one whose
-//! rows are set to zero (Schmidt: coordinates that are considered but not estimated).
+//! Joseph's form is symmetric and positive semi-definite in spite of rounding.
 
 use nalgebra::{Cholesky, DefaultAllocator, Dim, OMatrix, OVector};
 use vt_core::error::EstimateError;
@@ -56,15 +55,6 @@ where
         let mut gain = across.clone();
         divide_columns(&mut gain, factor.l_dirty());
         Ok(Self { gain, across, factor })
-    }
-
-    /// Takes out coordinates that are considered but not estimated: those where `considered` is not zero.
-    pub fn mask(&mut self, considered: &OVector<f64, N>) {
-        for (k, c) in considered.iter().enumerate() {
-            if *c != 0.0 {
-                self.gain.row_mut(k).fill(0.0);
-            }
-        }
     }
 
     /// `S⁻¹ b`.

@@ -168,6 +168,9 @@ where
 {
     modes: Vec<Box<dyn Mode<P, C>>>,
     switching: Switching,
+    /// Probabilities of switching in a prediction; where they depend on its time, over the last `span`.
+    transition: DMatrix<f64>,
+    span: Option<f64>,
     start: Vec<f64>,
     log_probabilities: Vec<f64>,
     combined: Gaussian<C>,
@@ -188,6 +191,8 @@ where
         Self {
             modes: self.modes.iter().map(|m| m.duplicate()).collect(),
             switching: self.switching.clone(),
+            transition: self.transition.clone(),
+            span: self.span,
             start: self.start.clone(),
             log_probabilities: self.log_probabilities.clone(),
             combined: self.combined.clone(),
@@ -225,10 +230,13 @@ where
             return Err(ConfigError::parameter("probabilities", sum, "positive numbers that add to 1"));
         }
         let switching = switching.check(modes.len())?;
+        let (Switching::Step(transition) | Switching::Rate(transition)) = &switching;
         let start: Vec<f64> = probabilities.iter().map(|p| math::ln(*p)).collect();
         let mut imm = Self {
             log_probabilities: start.clone(),
             start,
+            transition: transition.clone(),
+            span: None,
             switching,
             combined: belief.clone(),
             before: Vec::with_capacity(modes.len()),
@@ -274,6 +282,17 @@ where
         let weights = self.log_probabilities.iter().map(|l| math::exp(*l));
         self.combined = moments(&self.mixed, weights, pad.mean)?;
         Ok(())
+    }
+
+    /// Takes over the probabilities `next`; after an error all is as before the step.
+    fn settle(&mut self) -> Result<(), EstimateError> {
+        core::mem::swap(&mut self.log_probabilities, &mut self.next);
+        let combined = self.combine();
+        if combined.is_err() {
+            core::mem::swap(&mut self.log_probabilities, &mut self.next);
+            self.restore();
+        }
+        combined
     }
 
     /// Puts all models back to the beliefs before a step that failed.
@@ -340,21 +359,19 @@ where
     DefaultAllocator: Alloc<P::D> + Alloc<C::D>,
 {
     fn predict(&mut self, dt: Seconds) -> Result<(), EstimateError> {
-        let exponential;
-        let transition = match &self.switching {
-            Switching::Step(m) => m,
-            Switching::Rate(m) => {
-                exponential = (m * dt.0.abs()).exp();
-                &exponential
-            }
-        };
+        if let Switching::Rate(m) = &self.switching
+            && self.span != Some(dt.0)
+        {
+            self.transition = (m * dt.0.abs()).exp();
+            self.span = Some(dt.0);
+        }
         let models = self.modes.len();
         self.next.clear();
         self.mixed.clear();
         for j in 0..models {
             self.terms.clear();
             self.terms.extend(
-                (0..models).map(|i| math::ln(transition[(i, j)].max(0.0)) + self.log_probabilities[i]),
+                (0..models).map(|i| math::ln(self.transition[(i, j)].max(0.0)) + self.log_probabilities[i]),
             );
             let total = math::log_sum_exp(&self.terms);
             self.next.push(total);
@@ -376,8 +393,7 @@ where
                 return Err(e);
             }
         }
-        core::mem::swap(&mut self.log_probabilities, &mut self.next);
-        self.combine()
+        self.settle()
     }
 
     /// NIS is the mean over the models by their probabilities before; the evidence is that of the mixture.
@@ -404,8 +420,7 @@ where
             return Err(EstimateError::ZeroLikelihood);
         }
         self.next.iter_mut().for_each(|l| *l -= innovation.log_evidence);
-        core::mem::swap(&mut self.log_probabilities, &mut self.next);
-        self.combine()?;
+        self.settle()?;
         Ok(innovation)
     }
 
@@ -421,7 +436,7 @@ where
                 return Err(e);
             }
         }
-        self.log_probabilities.clone_from(&self.start);
-        self.combine()
+        self.next.clone_from(&self.start);
+        self.settle()
     }
 }

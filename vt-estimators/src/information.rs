@@ -22,7 +22,7 @@ use vt_core::time::Seconds;
 use crate::congruence::{cholesky, congruence};
 use crate::gain::log_det;
 use crate::gaussian_filter::GaussianFilter;
-use crate::prior::{at_rest, checked};
+use crate::prior::{at_rest, checked, replaces};
 
 /// Extended Kalman filter in information form for a state `S` with a pose `P` under the dynamics `M`.
 #[derive(Clone)]
@@ -65,7 +65,7 @@ where
     /// # Errors
     /// When the prior is not finite or not positive definite, or of another dimension than its deviations.
     pub fn new(prior: &Gaussian<P>, rest: Vec<Tangent<P>>, dynamics: M) -> Result<Self, EstimateError> {
-        let belief = at_rest(prior, &rest)?;
+        let belief = at_rest(prior, &rest, &dynamics)?;
         Self::start(belief, rest, dynamics)
     }
 
@@ -74,7 +74,7 @@ where
     /// # Errors
     /// When the belief is not finite or not positive definite.
     pub fn from_belief(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
-        Self::start(checked(belief)?, vec![], dynamics)
+        Self::start(checked(belief, &dynamics)?, vec![], dynamics)
     }
 
     /// A filter that knows nothing; its Jacobians are taken at `at` until the data determine a state.
@@ -141,6 +141,7 @@ where
     /// While the information before is singular there is no prediction to compare with: NIS and its degrees of
     /// freedom are zero, and so is the evidence.
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
+        z.fits(self.mean.pose())?;
         let mut data = NormalEquations::empty(self.mean.pose());
         z.normal_equations(self.mean.pose(), &mut data);
         if !data.gradient.iter().chain(data.information.iter()).all(|v| v.is_finite()) {
@@ -190,7 +191,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        self.set_belief(at_rest(prior, &self.rest)?)
+        self.set_belief(at_rest(prior, &self.rest, &self.dynamics)?)
     }
 }
 
@@ -210,9 +211,7 @@ where
     }
 
     fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the belief"));
-        }
+        replaces(&belief, &self.mean)?;
         let unfit = EstimateError::NotPositiveDefinite("the belief's covariance");
         let (information, _) = invert(&belief.covariance).ok_or(unfit)?;
         self.vector.fill(0.0);

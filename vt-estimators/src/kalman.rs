@@ -2,7 +2,7 @@
 
 use nalgebra::{DefaultAllocator, Dim};
 use vt_core::agent::{Dynamics, Estimator};
-use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
+use vt_core::belief::{Gaussian, State, pose_marginal};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::measurement::Measurement;
@@ -11,11 +11,11 @@ use vt_core::report::{Innovation, StopReason};
 use vt_core::robust::Robust;
 use vt_core::time::Seconds;
 
-use crate::congruence::congruence;
+use crate::congruence::{congruence, mirror};
 use crate::gain::Gain;
 use crate::gaussian_filter::{GaussianFilter, linear_prediction};
 use crate::map::maximum_a_posteriori;
-use crate::prior::{at_rest, checked};
+use crate::prior::{at_rest, checked, replaces};
 
 /// Kalman filter for a state `S` with a pose `P` under the dynamics `M`.
 ///
@@ -58,7 +58,7 @@ where
         dynamics: M,
         iterations: u32,
     ) -> Result<Self, EstimateError> {
-        let belief = at_rest(prior, &rest)?;
+        let belief = at_rest(prior, &rest, &dynamics)?;
         Ok(Self { belief, dynamics, rest, iterations, considered: None, noise_factor: 1.0 })
     }
 
@@ -67,7 +67,7 @@ where
     /// # Errors
     /// When the belief is not finite or not positive semi-definite.
     pub fn from_belief(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
-        let belief = checked(belief)?;
+        let belief = checked(belief, &dynamics)?;
         Ok(Self { belief, dynamics, rest: vec![], iterations: 1, considered: None, noise_factor: 1.0 })
     }
 
@@ -110,6 +110,7 @@ where
         if !direct && self.considered.is_none() {
             return self.correct(reading);
         }
+        reading.fits(self.belief.mean.pose())?;
         let (nu, h) = reading.linearize(self.belief.mean.pose());
         fits(h.ncols(), self.belief.mean.pose())?;
         let weight = match instrument.loss() {
@@ -118,18 +119,16 @@ where
         };
         let weighted = (weight != 1.0).then(|| instrument.noise() / weight.max(f64::MIN_POSITIVE));
         let noise = weighted.as_ref().unwrap_or(instrument.noise());
-        let mut gain = match Gain::new(&self.belief.covariance, &h, Some(noise)) {
+        let gain = match Gain::new(&self.belief.covariance, &h, Some(noise)) {
             Ok(gain) => gain,
             // Nearly parallel rows of nearly no noise: normal equations put them together first.
             Err(_) if self.considered.is_none() => return self.correct(reading),
-            Err(e) => return Err(e),
+            Err(_) => return self.update_by_rows(reading),
         };
         let (nis, log_det) = gain.surprise(&nu);
-        if let Some(considered) = &self.considered {
-            gain.mask(considered);
-        }
-        let delta = &gain.gain * &nu;
-        let covariance = gain.joseph(&self.belief.covariance, &h, Some(noise));
+        let mut delta = &gain.gain * &nu;
+        let mut covariance = gain.joseph(&self.belief.covariance, &h, Some(noise));
+        self.keep_considered(&mut delta, &mut covariance);
         let posterior = Gaussian::from_chart(&self.belief.mean, &delta, covariance);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
@@ -157,6 +156,7 @@ where
         H: MeasurementModel<P> + 'static,
         DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M>,
     {
+        reading.fits(self.belief.mean.pose())?;
         let (r, j) = reading.normalize(self.belief.mean.pose());
         fits(j.ncols(), self.belief.mean.pose())?;
         let mut p = self.belief.covariance.clone();
@@ -172,29 +172,43 @@ where
             if !(s.is_finite() && s > 0.0 && nu.is_finite()) {
                 return Err(EstimateError::NotFinite("the innovation"));
             }
-            let mut gain = &side / s;
-            if let Some(considered) = &self.considered {
-                gain.zip_apply(considered, |g, c| {
-                    if c != 0.0 {
-                        *g = 0.0
-                    }
-                });
-            }
+            let gain = &side / s;
             delta.axpy(nu, &gain, 1.0);
-            // (1 − KH) P (1 − KH)ᵀ + K Kᵀ for one row.
+            // Joseph's form for one row, in the order of `Gain::joseph`: with A = (1 − KH) P, A − (A Hᵀ − K) Kᵀ.
             p.ger(-1.0, &gain, &side, 1.0);
-            p.ger(-1.0, &side, &gain, 1.0);
-            p.ger(s, &gain, &gain, 1.0);
-            symmetrize(&mut p);
+            let rest = p.columns_generic(0, a) * &row - &gain;
+            p.ger(-1.0, &rest, &gain, 1.0);
+            mirror(&mut p);
             innovation.nis += nu * nu / s;
             innovation.log_evidence -= 0.5 * (nu * nu / s + vt_core::math::ln(s));
         }
+        self.keep_considered(&mut delta, &mut p);
         let posterior = Gaussian::from_chart(&self.belief.mean, &delta, p);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
         self.belief = posterior;
         Ok(innovation)
+    }
+}
+
+impl<P, S, M> KalmanFilter<P, S, M>
+where
+    P: Manifold,
+    S: Manifold,
+    DefaultAllocator: Alloc<P::D> + Alloc<S::D>,
+{
+    /// Gives considered coordinates back what they were believed to be. What is left of the full update is Schmidt's: his gain
+    /// is the optimal one without their rows, which changes neither the estimates of the others nor any covariance with them.
+    fn keep_considered(&self, delta: &mut Tangent<S>, covariance: &mut Square<S>) {
+        let Some(considered) = &self.considered else { return };
+        let kept = |k: usize| considered[k] != 0.0;
+        for c in (0..considered.len()).filter(|c| kept(*c)) {
+            delta[c] = 0.0;
+            for r in (0..considered.len()).filter(|r| kept(*r)) {
+                covariance[(r, c)] = self.belief.covariance[(r, c)];
+            }
+        }
     }
 }
 
@@ -249,7 +263,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        self.belief = at_rest(prior, &self.rest)?;
+        self.belief = at_rest(prior, &self.rest, &self.dynamics)?;
         Ok(())
     }
 }
@@ -266,9 +280,7 @@ where
     }
 
     fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the belief"));
-        }
+        replaces(&belief, &self.belief.mean)?;
         self.belief = belief;
         Ok(())
     }

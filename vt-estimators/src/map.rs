@@ -44,6 +44,7 @@ where
     if !prior.is_finite() {
         return Err(EstimateError::NotFinite("the prior"));
     }
+    z.fits(prior.mean.pose())?;
     let mut equations = NormalEquations::empty(prior.mean.pose());
     let mut innovation = Innovation::default();
     let spread = (iterations > 1).then(|| semidefinite_root(&prior.covariance));

@@ -110,6 +110,7 @@ impl Default for ParticleParams {
 /// resampling). Random numbers are addressed by frame and particle, so that threads do not change a bit. Process
 /// noise is that at the heaviest particle for all of them. After an error the particles are those of before. Storage is
 /// used again from step to step.
+#[derive(Clone)]
 pub struct ParticleFilter<P, S, M>
 where
     P: Manifold,
@@ -328,6 +329,7 @@ where
     }
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
+        self.cloud.poses.first().map_or(Err(EstimateError::NoParticles), |pose| z.fits(pose))?;
         let (log_evidence, iterations) = match &self.params.method {
             Method::Auxiliary if self.fresh => self.look_ahead(z)?,
             Method::Annealed(annealing) if self.fresh => self.anneal(z, *annealing)?,
@@ -344,7 +346,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        let state: Gaussian<S> = at_rest(prior, &self.rest)?;
+        let state: Gaussian<S> = at_rest(prior, &self.rest, &self.dynamics)?;
         let resets = self.resets + 1;
         self.next_diffusion.spread(&state.covariance);
         let source = Source::new(self.params.seed, Stream::Reinit, self.params.target);

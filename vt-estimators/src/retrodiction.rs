@@ -17,6 +17,7 @@ use vt_core::agent::Dynamics;
 use vt_core::belief::{Gaussian, State, cholesky, symmetrize};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
+use vt_core::measurement::Measurement;
 use vt_core::measurement_model::{MeasurementModel, Reading};
 use vt_core::report::{Innovation, StopReason};
 use vt_core::time::Seconds;
@@ -76,7 +77,7 @@ where
     /// # Errors
     /// When it is not finite or not positive semi-definite.
     pub fn new(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
-        Ok(Self { belief: checked(belief)?, dynamics, last: None, span: 0.0 })
+        Ok(Self { belief: checked(belief, &dynamics)?, dynamics, last: None, span: 0.0 })
     }
 
     /// The belief of the newest time.
@@ -105,6 +106,7 @@ where
         H: MeasurementModel<P>,
         DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M> + AllocPair<S::D, P::D>,
     {
+        reading.fits(self.belief.mean.pose())?;
         let (nu, h) = reading.linearize(self.belief.mean.pose());
         fits(h.ncols(), self.belief.mean.pose())?;
         let noise = Some(reading.instrument().noise());
@@ -173,6 +175,7 @@ where
         let f = self.dynamics.jacobian(&now, back);
         let mut past = &f * (p + pvv - &pxv - pxv.transpose()) * f.transpose();
         symmetrize(&mut past);
+        reading.fits(then.pose())?;
         let (nu, h) = reading.linearize(then.pose());
         fits(h.ncols(), then.pose())?;
         let gain = Gain::<S::D, H::M>::new(&past, &h, Some(reading.instrument().noise()))?;

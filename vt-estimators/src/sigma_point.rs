@@ -35,7 +35,7 @@ use crate::congruence::cholesky;
 use crate::gain::log_det;
 use crate::gaussian_filter::GaussianFilter;
 use crate::map::maximum_a_posteriori;
-use crate::prior::{at_rest, checked};
+use crate::prior::{at_rest, checked, replaces};
 
 /// Where sigma points lie and what they weigh; see the [table](self).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -138,7 +138,7 @@ where
         dynamics: M,
         rule: Rule,
     ) -> Result<Self, EstimateError> {
-        Self::start(at_rest(prior, &rest)?, rest, dynamics, rule)
+        Self::start(at_rest(prior, &rest, &dynamics)?, rest, dynamics, rule)
     }
 
     /// A filter that starts at a belief over the whole state.
@@ -146,7 +146,7 @@ where
     /// # Errors
     /// When the belief is not finite or not positive semi-definite, or when the rule's numbers are out of range.
     pub fn from_belief(belief: Gaussian<S>, dynamics: M, rule: Rule) -> Result<Self, EstimateError> {
-        Self::start(checked(belief)?, vec![], dynamics, rule)
+        Self::start(checked(belief, &dynamics)?, vec![], dynamics, rule)
     }
 
     /// The same filter with at most so many linearisations for measurements without sigma points.
@@ -190,6 +190,7 @@ where
         if reading.instrument().loss() != Robust::Square {
             return self.correct(reading);
         }
+        reading.fits(self.belief.mean.pose())?;
         let root = semidefinite_root(&self.belief.covariance);
         self.draw(&root);
         let m = reading.z().shape_generic().0;
@@ -322,6 +323,7 @@ where
     }
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
+        z.fits(self.belief.mean.pose())?;
         let root = semidefinite_root(&self.belief.covariance);
         self.draw(&root);
         self.poses.clear();
@@ -356,7 +358,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        self.belief = at_rest(prior, &self.rest)?;
+        self.belief = at_rest(prior, &self.rest, &self.dynamics)?;
         Ok(())
     }
 }
@@ -373,9 +375,7 @@ where
     }
 
     fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the belief"));
-        }
+        replaces(&belief, &self.belief.mean)?;
         self.belief = belief;
         Ok(())
     }

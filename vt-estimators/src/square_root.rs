@@ -24,7 +24,7 @@ use vt_core::time::Seconds;
 use crate::gaussian_filter::GaussianFilter;
 use crate::kalman::fits;
 use crate::map::{directions, pseudo_solve};
-use crate::prior::{at_rest, checked};
+use crate::prior::{at_rest, checked, replaces};
 
 /// Extended Kalman filter in square-root form for a state `S` with a pose `P` under the dynamics `M`.
 #[derive(Clone)]
@@ -54,7 +54,7 @@ where
     /// # Errors
     /// When the prior is not finite, not positive semi-definite, or of another dimension than its deviations.
     pub fn new(prior: &Gaussian<P>, rest: Vec<Tangent<P>>, dynamics: M) -> Result<Self, EstimateError> {
-        let Gaussian { mean, covariance } = at_rest(prior, &rest)?;
+        let Gaussian { mean, covariance } = at_rest(prior, &rest, &dynamics)?;
         Ok(Self { mean, root: pivoted_root(&covariance), dynamics, rest, noise_factor: 1.0 })
     }
 
@@ -63,7 +63,7 @@ where
     /// # Errors
     /// When the belief is not finite or not positive semi-definite.
     pub fn from_belief(belief: Gaussian<S>, dynamics: M) -> Result<Self, EstimateError> {
-        let Gaussian { mean, covariance } = checked(belief)?;
+        let Gaussian { mean, covariance } = checked(belief, &dynamics)?;
         Ok(Self { mean, root: pivoted_root(&covariance), dynamics, rest: vec![], noise_factor: 1.0 })
     }
 
@@ -81,6 +81,7 @@ where
         H: MeasurementModel<P> + 'static,
         DefaultAllocator: AllocPair<P::D, H::M> + AllocPair<S::D, H::M>,
     {
+        reading.fits(self.mean.pose())?;
         let (mut nu, mut h) = reading.normalize(self.mean.pose());
         fits(h.ncols(), self.mean.pose())?;
         let loss = reading.instrument().loss();
@@ -220,6 +221,7 @@ where
     }
 
     fn correct(&mut self, z: &dyn Measurement<P>) -> Result<Innovation, EstimateError> {
+        z.fits(self.mean.pose())?;
         let mut data = NormalEquations::empty(self.mean.pose());
         z.normal_equations(self.mean.pose(), &mut data);
         if !data.gradient.iter().chain(data.information.iter()).all(|v| v.is_finite()) {
@@ -243,7 +245,7 @@ where
     }
 
     fn reset(&mut self, prior: &Gaussian<P>) -> Result<(), EstimateError> {
-        let Gaussian { mean, covariance } = at_rest(prior, &self.rest)?;
+        let Gaussian { mean, covariance } = at_rest(prior, &self.rest, &self.dynamics)?;
         (self.mean, self.root) = (mean, pivoted_root(&covariance));
         Ok(())
     }
@@ -263,9 +265,7 @@ where
     }
 
     fn set_belief(&mut self, belief: Gaussian<S>) -> Result<(), EstimateError> {
-        if !belief.is_finite() {
-            return Err(EstimateError::NotFinite("the belief"));
-        }
+        replaces(&belief, &self.mean)?;
         (self.mean, self.root) = (belief.mean, pivoted_root(&belief.covariance));
         Ok(())
     }

@@ -4,6 +4,7 @@
 //! independent noise ([`StaticFusion`] names the three).
 
 use nalgebra::DefaultAllocator;
+use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, Manifold};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 
@@ -50,6 +51,10 @@ impl<P: Manifold> Measurement<P> for Stacked<'_, P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
+    fn fits(&self, at: &P) -> Result<(), EstimateError> {
+        self.0.iter().try_for_each(|z| z.fits(at))
+    }
+
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
         self.sum(poses, out, |z, poses, out| z.log_likelihoods(poses, out));
     }

@@ -120,12 +120,32 @@ pub(crate) fn rows(image: &RgbImage, region: Roi) -> impl Iterator<Item = &[u8]>
 /// # Errors
 /// [`MeasureError::Payload`] for frames that are no picture.
 pub fn grey_of<'a>(frame: &'a Frame, buffer: &'a mut GrayImage) -> Result<&'a GrayImage, MeasureError> {
-    let Payload::Rgb(image) = &frame.payload else { return frame.grey() };
-    if buffer.dimensions() != image.dimensions() {
-        *buffer = GrayImage::new(image.width(), image.height());
+    if matches!(frame.payload, Payload::Grey(_)) {
+        return frame.grey();
     }
-    rgb_to_grey(image.as_raw(), buffer);
+    copy_grey(frame, buffer)?;
     Ok(buffer)
+}
+
+/// Makes `copy` the grey picture of a frame.
+///
+/// # Errors
+/// [`MeasureError::Payload`] for frames that are no picture.
+pub fn copy_grey(frame: &Frame, copy: &mut GrayImage) -> Result<(), MeasureError> {
+    let mut sized = |(width, height): (u32, u32)| {
+        if copy.dimensions() != (width, height) {
+            *copy = GrayImage::new(width, height);
+        }
+    };
+    if let Payload::Rgb(image) = &frame.payload {
+        sized(image.dimensions());
+        rgb_to_grey(image.as_raw(), copy);
+    } else {
+        let image = frame.grey()?;
+        sized(image.dimensions());
+        copy.copy_from_slice(image);
+    }
+    Ok(())
 }
 
 /// Makes an [`Hsv`] of every colour frame of a sensor.

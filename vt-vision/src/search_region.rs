@@ -3,6 +3,7 @@
 use nalgebra::DefaultAllocator;
 use vt_core::agent::{Posed, Warp};
 use vt_core::belief::Gaussian;
+use vt_core::error::MeasureError;
 use vt_core::frame::Roi;
 use vt_core::manifold::{Alloc, Manifold};
 
@@ -37,4 +38,12 @@ where
     }
     let [left, top, right, bottom] = bounds?.map(|v| v.clamp(0.0, f64::from(u16::MAX)) as u32);
     Some(Roi { x: left, y: top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) })
+}
+
+/// Refuses a prior that is not finite.
+pub(crate) fn check_prior<P: Manifold>(prior: &Gaussian<P>) -> Result<(), MeasureError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    if prior.is_finite() { Ok(()) } else { Err(MeasureError::Prediction("the predicted pose is not finite")) }
 }

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod boxes;
 pub mod canvas;
 pub mod covariances;
 pub mod files;

@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{DefaultAllocator, DimAdd, DimSum, U1};
+use nalgebra::{DefaultAllocator, DimAdd, DimSum, Point2, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
-use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
@@ -15,11 +14,11 @@ use vt_core::measurement::Modality;
 use vt_core::report::{Assessment, Verdict};
 use vt_fusion::tracks::{BarShalomCampo, EquivalentMeasurements, Intersection, TrackFusion};
 use vt_fusion::{AnyTarget, FusedTarget, Target, TrackingLoop};
+use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
 use vt_models::camera::Camera;
-use vt_models::mesh::Shape;
 
 use crate::document::Document;
 use crate::error::{Problem, TaskErrors};
@@ -29,8 +28,9 @@ use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
     AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, FusionProduct, Fusions,
-    InitContext, Inits, Losses, Modalities, ModalityContext, Motion, Motions, OutputContext, Outputs, Place,
-    ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, TrackRule, TruthContext, Truths, Warps,
+    Ground, InitContext, Inits, Losses, Modalities, ModalityContext, Motion, Motions, OutputContext, Outputs,
+    Place, ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TrackRule,
+    TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -43,7 +43,7 @@ pub struct Scene {
     /// that of the init.
     pub true_starts: Vec<bool>,
     cameras: Vec<Option<Camera>>,
-    shapes: BTreeMap<String, Shape>,
+    shapes: BTreeMap<String, Ground>,
     appearances: BTreeMap<String, AppearanceProduct>,
 }
 
@@ -150,6 +150,12 @@ impl Scene {
         Summary::new(task.targets.iter().zip(&self.truths).map(|(t, truth)| (t.name.clone(), truth.clone())))
     }
 
+    /// Corners of the bounds of a flat model.
+    fn bounds(&self, model: &str) -> Bounds {
+        let [low, high] = self.shapes.get(model)?.outline().ok()?.bounds();
+        Some([low, Point2::new(high.x, low.y), high, Point2::new(low.x, high.y)])
+    }
+
     /// Opens the outputs in `folder`.
     ///
     /// # Errors
@@ -164,9 +170,11 @@ impl Scene {
     ) -> Result<Vec<Box<dyn Output>>, TaskErrors> {
         let targets: Vec<String> = task.targets.iter().map(|t| t.name.clone()).collect();
         let summary = self.summary(task);
+        let bounds: Vec<Bounds> = task.targets.iter().map(|t| self.bounds(&t.model)).collect();
         let context = OutputContext {
             folder,
             targets: &targets,
+            bounds: &bounds,
             sensors: &task.sensors,
             cameras: &self.cameras,
             header,
@@ -194,7 +202,7 @@ pub(crate) fn shapes(
     document: &Document,
     task: &Task,
     registry: &Registry,
-) -> Result<BTreeMap<String, Shape>, ReadError> {
+) -> Result<BTreeMap<String, Ground>, ReadError> {
     let place = Place { base: document.base() };
     let shape = |(k, model): (usize, &ModelSection)| {
         let at = node(document, &format!("models.{k}.shape"))?;
@@ -265,7 +273,7 @@ pub(crate) fn build_target<P: Coordinates>(c: &TargetContext<'_>) -> Result<Buil
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     let (registry, document, task) = (c.registry, c.document, c.task);
     let section = &task.targets[c.index];
@@ -284,6 +292,7 @@ where
             place: c.place(),
             sensor: SensorId(index as u32),
             camera: c.scene.cameras[index].as_ref(),
+            picture: task.sensors[index].picture,
             level: modality.level,
             shape: &c.scene.shapes[&section.model],
             appearance: &c.scene.appearances[&section.model],

@@ -22,7 +22,7 @@ const DEGREE: f64 = core::f64::consts::PI / 180.0;
 pub trait Dimension: 'static {
     /// What it is, with its article: `"a length"`.
     const NAME: &'static str;
-    /// Units and their size in SI units; the first is the SI unit itself.
+    /// Units and their size in SI units; the first is the SI unit itself, but for parts of a whole.
     const UNITS: &'static [(&'static str, f64)];
     /// A good value, for messages.
     const EXAMPLE: &'static str;
@@ -93,6 +93,21 @@ dimensions! {
     /// Root of a diffusion of angular acceleration.
     AngularAccelerationDiffusion, AngularAccelerationDiffusionTag, "a diffusion of angular acceleration",
         "90 deg/s^2.5", ["rad/s^2.5" = 1.0, "deg/s^2.5" = DEGREE];
+    /// A speed in the picture, in pixels per second.
+    PixelSpeed, PixelSpeedTag, "a speed in the picture", "40 px/s", ["px/s" = 1.0];
+    /// Root of a diffusion of position in the picture.
+    PixelDiffusion, PixelDiffusionTag, "a diffusion of position in the picture", "20 px/s^0.5", ["px/s^0.5" = 1.0];
+    /// Root of a diffusion of velocity in the picture.
+    PixelSpeedDiffusion, PixelSpeedDiffusionTag, "a diffusion of velocity in the picture", "60 px/s^1.5",
+        ["px/s^1.5" = 1.0];
+    /// A part of a whole, such as a change of scale.
+    Share, ShareTag, "a share", "5 %", ["%" = 0.01];
+    /// A rate of relative change.
+    ShareSpeed, ShareSpeedTag, "a rate of change", "10 %/s", ["%/s" = 0.01];
+    /// Root of a diffusion of scale.
+    ShareDiffusion, ShareDiffusionTag, "a diffusion of scale", "5 %/s^0.5", ["%/s^0.5" = 0.01];
+    /// Root of a diffusion of a rate of relative change.
+    ShareSpeedDiffusion, ShareSpeedDiffusionTag, "a diffusion of a rate of change", "10 %/s^1.5", ["%/s^1.5" = 0.01];
 }
 
 impl<D: Dimension> Quantity<D> {

@@ -9,12 +9,11 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum};
-use schemars::{JsonSchema, Schema, SchemaGenerator};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use vt_core::belief::Triple;
 use vt_core::error::ConfigError;
-use vt_core::manifold::{Alloc, Coordinates};
+use vt_core::manifold::Coordinates;
 
 use crate::assembly::{TargetBuilder, build_target};
 
@@ -22,6 +21,7 @@ use crate::error::Problem;
 use crate::language::{FilePath, Level, Picture};
 use crate::node::{Node, Span, Value};
 use crate::reader::{ReadError, read};
+use crate::roles::StateAlloc;
 
 /// A place in the system for which methods can be chosen. `Context` is what building needs besides the parameters.
 pub trait Role: 'static {
@@ -286,7 +286,7 @@ impl Registry {
     where
         P::D: DimAdd<P::D>,
         DimSum<P::D, P::D>: DimAdd<P::D>,
-        DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+        DefaultAllocator: StateAlloc<P::D>,
     {
         self.builders.retain(|(space, _)| *space != P::SPACE);
         self.builders.push((P::SPACE, build_target::<P>));
@@ -377,15 +377,23 @@ impl Registry {
         ReadError::at(Problem::UnknownKind { role: role.into(), found, expected: kinds }, kind_span(node))
     }
 
-    /// Kinds and parameter schemas of the role with this key.
+    /// Kinds and parameter schemas of the role with this key; where a kind has other parameters in other pose spaces,
+    /// any of them.
     pub(crate) fn schemas(&self, key: &str, generator: &mut SchemaGenerator) -> Vec<(Listing, Schema)> {
-        let mut out: Vec<(Listing, Schema)> = vec![];
+        let mut out: Vec<(Listing, Vec<Schema>)> = vec![];
         for row in self.rows.iter().filter(|r| r.listing.key == key) {
-            if !out.iter().any(|(l, _)| l.kind == row.listing.kind) {
-                out.push((row.listing.clone(), (row.schema)(generator)));
+            let schema = (row.schema)(generator);
+            match out.iter_mut().find(|(l, _)| l.kind == row.listing.kind) {
+                Some((_, schemas)) if schemas.contains(&schema) => {}
+                Some((_, schemas)) => schemas.push(schema),
+                None => out.push((row.listing.clone(), vec![schema])),
             }
         }
-        out
+        let any = |mut schemas: Vec<Schema>| match schemas.len() {
+            1 => schemas.remove(0),
+            _ => json_schema!({ "anyOf": schemas }),
+        };
+        out.into_iter().map(|(listing, schemas)| (listing, any(schemas))).collect()
     }
 }
 

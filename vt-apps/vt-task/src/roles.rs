@@ -12,24 +12,26 @@ use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::agent::{Dynamics, Estimator, LossDetector, Output, Reinitializer, Sensor};
 use vt_core::batch::Row;
 use vt_core::belief::{Accelerating, Gaussian, Moving, Triple};
-use vt_core::error::ConfigError;
+use vt_core::error::{ConfigError, EstimateError};
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
 use vt_core::lie::SE3;
-use vt_core::manifold::{Alloc, Coordinates, Manifold, Square, Tangent};
+use vt_core::manifold::{Alloc, AllocPair, Coordinates, Manifold, Square, Tangent};
 use vt_core::measurement::Modality;
 use vt_core::time::Seconds;
 use vt_fusion::stacked::StaticFusion;
 use vt_fusion::tracks::Criterion;
+use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
 use vt_models::camera::Camera;
 use vt_models::mesh::Shape;
+use vt_models::outline::Outline;
 use vt_sim::scene::World;
 
-use crate::language::{FilePath, Level, SensorSection};
-use crate::registry::Role;
+use crate::language::{FilePath, Level, Picture, SensorSection};
+use crate::registry::{Params, Role};
 
 /// Declares a role whose methods do not know poses.
 macro_rules! plain_roles {
@@ -49,7 +51,7 @@ plain_roles! {
     /// Where frames come from.
     Sensors, "sensor", "sensor", SensorProduct, SensorContext<'a>;
     /// Ground shape of a model.
-    Shapes, "shape", "shape", Shape, Place<'a>;
+    Shapes, "shape", "shape", Ground, Place<'a>;
     /// What a model's surface looks like.
     Appearances, "appearance", "appearance", AppearanceProduct, Place<'a>;
     /// True poses of a target.
@@ -93,6 +95,21 @@ pose_roles! {
     Reinits, "re-initialiser", "reinit", Option<Box<dyn Reinitializer<P>>>, ReinitContext<'a, P>;
 }
 
+/// Storage for poses with the coordinates `D`, for states with their velocity, and for those with acceleration, too.
+pub trait StateAlloc<D: DimAdd<D>>:
+    AllocPair<D, D> + AllocPair<DimSum<D, D>, D> + AllocPair<Triple<D>, D>
+where
+    DimSum<D, D>: DimAdd<D>,
+{
+}
+
+impl<D: DimAdd<D>, A> StateAlloc<D> for A
+where
+    DimSum<D, D>: DimAdd<D>,
+    A: AllocPair<D, D> + AllocPair<DimSum<D, D>, D> + AllocPair<Triple<D>, D>,
+{
+}
+
 /// Motion model.
 pub struct Motions<P>(PhantomData<fn() -> P>);
 
@@ -100,7 +117,7 @@ impl<P: Coordinates> Role for Motions<P>
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     const NAME: &'static str = "dynamics";
     const KEY: &'static str = "dynamics";
@@ -116,7 +133,7 @@ impl<P: Coordinates> Role for Estimators<P>
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     const NAME: &'static str = "estimator";
     const KEY: &'static str = "estimator";
@@ -130,7 +147,7 @@ pub enum Motion<P: Manifold>
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     /// The state is the pose.
     Pose(Chosen<P>),
@@ -167,6 +184,9 @@ where
     fn noise_root(&self, state: &S, dt: Seconds) -> Square<S> {
         self.0.noise_root(state, dt)
     }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        self.0.fits(state)
+    }
 }
 
 /// What an estimator is built from.
@@ -174,7 +194,7 @@ pub struct EstimatorContext<P: Manifold>
 where
     P::D: DimAdd<P::D>,
     DimSum<P::D, P::D>: DimAdd<P::D>,
-    DefaultAllocator: Alloc<P::D> + Alloc<DimSum<P::D, P::D>> + Alloc<Triple<P::D>>,
+    DefaultAllocator: StateAlloc<P::D>,
 {
     /// Motion model of the target's model.
     pub motion: Motion<P>,
@@ -184,6 +204,18 @@ where
     pub seed: u64,
     /// Number of the target, which keeps the random numbers of targets apart.
     pub target: u64,
+}
+
+/// Deviations of each coordinate of a pose space, as parameters give them.
+pub trait Deviations<P: Manifold>: Params
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// In tangent order; zero for what does not move.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for coordinates that the space does not have.
+    fn tangent(&self) -> Result<Tangent<P>, ConfigError>;
 }
 
 /// Which degrees of freedom of a pose space are free, in tangent order.
@@ -244,10 +276,12 @@ pub struct ModalityContext<'a> {
     pub sensor: SensorId,
     /// Intrinsic parameters of its sensor, where it is calibrated.
     pub camera: Option<&'a Camera>,
+    /// Payload of its sensor.
+    pub picture: Picture,
     /// Level at which it is to measure.
     pub level: Level,
     /// Shape of the target's model.
-    pub shape: &'a Shape,
+    pub shape: &'a Ground,
     /// Appearance of the target's model.
     pub appearance: &'a AppearanceProduct,
     /// Free and locked degrees of freedom.
@@ -281,7 +315,7 @@ pub struct SensorContext<'a> {
     /// Its camera, where it is calibrated.
     pub camera: Option<&'a Camera>,
     /// Shapes of the task's models, for simulation.
-    pub shapes: &'a BTreeMap<String, Shape>,
+    pub shapes: &'a BTreeMap<String, Ground>,
     /// Simulated sensors before this one, by name.
     pub simulated: &'a BTreeMap<String, Simulation>,
 }
@@ -301,6 +335,45 @@ pub struct Simulation {
     pub world: Arc<World>,
     /// True poses of the objects, by the objects' names, in the order of the task.
     pub truths: Vec<(String, Truth)>,
+}
+
+/// Ground shape of a model.
+#[derive(Clone, Debug)]
+pub enum Ground {
+    /// A body in space, of one or several rigid parts.
+    Body(Shape),
+    /// A flat shape in the units of its plane.
+    Flat(Outline),
+}
+
+impl Ground {
+    /// The body in space.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for a flat shape.
+    pub fn body(&self) -> Result<&Shape, ConfigError> {
+        match self {
+            Self::Body(shape) => Ok(shape),
+            Self::Flat(_) => {
+                let expected = "a body in space, such as `mesh`".into();
+                Err(ConfigError::Mismatch { found: "a flat shape".into(), expected })
+            }
+        }
+    }
+
+    /// The flat shape.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for a body in space.
+    pub fn outline(&self) -> Result<&Outline, ConfigError> {
+        match self {
+            Self::Flat(outline) => Ok(outline),
+            Self::Body(_) => {
+                let expected = "a flat shape, such as `rectangle` or `silhouette`".into();
+                Err(ConfigError::Mismatch { found: "a body in space".into(), expected })
+            }
+        }
+    }
 }
 
 /// Appearance of a model's surface.
@@ -369,7 +442,7 @@ pub struct Body<'a> {
     /// Intrinsic parameters of the sensor, where it is calibrated.
     pub camera: Option<&'a Camera>,
     /// Shape of the target's model.
-    pub shape: &'a Shape,
+    pub shape: &'a Ground,
     /// Free and locked degrees of freedom.
     pub freedom: &'a Freedom,
 }
@@ -415,6 +488,8 @@ pub struct OutputContext<'a> {
     pub folder: &'a Path,
     /// Names of the targets in order.
     pub targets: &'a [String],
+    /// Corners of the bounds of the targets that are flat.
+    pub bounds: &'a [Bounds],
     /// Sensors in order.
     pub sensors: &'a [SensorSection],
     /// Cameras of the sensors, where they are calibrated.

@@ -2,9 +2,9 @@
 
 use nalgebra::DefaultAllocator;
 
-use super::noise::check_density;
+use super::noise::{check_density, fits};
 use crate::agent::Dynamics;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
 
@@ -49,5 +49,8 @@ where
     }
     fn noise_root(&self, _: &P, dt: Seconds) -> Square<P> {
         Square::<P>::from_diagonal(&self.density.map(|q| (q * dt.0.abs()).sqrt()))
+    }
+    fn fits(&self, state: &P) -> Result<(), EstimateError> {
+        fits(&self.density, state)
     }
 }

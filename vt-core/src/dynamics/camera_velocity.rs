@@ -2,10 +2,10 @@
 
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
-use super::noise::{check_density, driven_noise};
+use super::noise::{check_density, driven_noise, fits};
 use crate::agent::Dynamics;
 use crate::belief::Moving;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::lie::LieGroup;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
@@ -62,5 +62,8 @@ where
 
     fn noise(&self, state: &Moving<P>, dt: Seconds) -> Square<Moving<P>> {
         driven_noise(self, state, dt, self.density.as_slice())
+    }
+    fn fits(&self, state: &Moving<P>) -> Result<(), EstimateError> {
+        fits(&self.density, &state.pose)
     }
 }

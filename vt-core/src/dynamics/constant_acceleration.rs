@@ -6,7 +6,7 @@ use super::noise::{check_density, driven_noise};
 use super::singer::Singer;
 use crate::agent::Dynamics;
 use crate::belief::{Accelerating, Triple};
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
 
@@ -49,5 +49,8 @@ where
     }
     fn noise(&self, state: &Accelerating<P>, dt: Seconds) -> Square<Accelerating<P>> {
         driven_noise(&self.0, state, dt, self.0.density.as_slice())
+    }
+    fn fits(&self, state: &Accelerating<P>) -> Result<(), EstimateError> {
+        self.0.fits(state)
     }
 }

@@ -3,10 +3,10 @@
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, U1};
 
 use super::constant_velocity::moved;
-use super::noise::check_density;
+use super::noise::{check_density, fits};
 use crate::agent::Dynamics;
 use crate::belief::Moving;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
 
@@ -65,5 +65,8 @@ where
             q.ger(self.variance[k], &g, &g, 1.0);
         }
         q
+    }
+    fn fits(&self, state: &Moving<P>) -> Result<(), EstimateError> {
+        fits(&self.variance, &state.pose)
     }
 }

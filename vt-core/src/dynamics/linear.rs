@@ -3,7 +3,7 @@
 use nalgebra::{DefaultAllocator, Dim, OMatrix};
 
 use crate::agent::Dynamics;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::lie::VectorSpace;
 use crate::manifold::{Alloc, Square};
 use crate::time::Seconds;
@@ -47,6 +47,9 @@ where
     }
     fn noise(&self, _: &S, _: Seconds) -> Square<S> {
         self.q.clone()
+    }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        EstimateError::unless_equal("the transition", self.f.nrows(), state.dim().value())
     }
 }
 
@@ -130,14 +133,18 @@ where
     fn noise(&self, _: &S, dt: Seconds) -> Square<S> {
         self.step(dt.0).1
     }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        EstimateError::unless_equal("the rate matrix", self.a.nrows(), state.dim().value())
+    }
 }
 
 fn check<D: Dim>(key: &'static str, m: &OMatrix<f64, D, D>, rows: usize) -> Result<(), ConfigError>
 where
     DefaultAllocator: Alloc<D>,
 {
-    if m.nrows() != rows {
-        return Err(ConfigError::parameter(key, format!("of {} rows", m.nrows()), format!("{rows} rows")));
+    if m.shape() != (rows, rows) {
+        let found = format!("{} × {}", m.nrows(), m.ncols());
+        return Err(ConfigError::parameter(key, found, format!("{rows} × {rows}")));
     }
     match m.iter().find(|v| !v.is_finite()) {
         Some(bad) => Err(ConfigError::parameter(key, bad, "finite entries")),

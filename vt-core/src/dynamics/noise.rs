@@ -3,8 +3,8 @@
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, U1};
 
 use crate::agent::Dynamics;
-use crate::error::ConfigError;
-use crate::manifold::{Alloc, Manifold, Square};
+use crate::error::{ConfigError, EstimateError};
+use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
 
 /// A lower triangular matrix `L` with `L Lᵀ = m` for a symmetric positive semi-definite `m`: `L_kk > 0`, or column `k`
@@ -171,4 +171,12 @@ where
         Some(bad) => Err(ConfigError::parameter("noise density", bad, "finite numbers, zero or positive")),
         None => Ok(density),
     }
+}
+
+/// A density has as many entries as the pose that it moves.
+pub(super) fn fits<P: Manifold>(density: &Tangent<P>, pose: &P) -> Result<(), EstimateError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    EstimateError::unless_equal("the noise density", density.len(), pose.dim().value())
 }

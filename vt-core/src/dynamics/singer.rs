@@ -3,10 +3,10 @@
 use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum};
 
 use super::fading::Fading;
-use super::noise::{check_density, driven_noise_in};
+use super::noise::{check_density, driven_noise_in, fits};
 use crate::agent::Dynamics;
 use crate::belief::{Accelerating, Triple};
-use crate::error::ConfigError;
+use crate::error::{ConfigError, EstimateError};
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::time::Seconds;
 
@@ -86,6 +86,9 @@ where
 
     fn noise(&self, state: &Accelerating<P>, dt: Seconds) -> Square<Accelerating<P>> {
         driven_noise_in(super::parts_of(self.rate, dt), self, state, dt, self.density.as_slice())
+    }
+    fn fits(&self, state: &Accelerating<P>) -> Result<(), EstimateError> {
+        fits(&self.density, &state.pose)
     }
 }
 

@@ -4,6 +4,7 @@ use nalgebra::{DefaultAllocator, Matrix2, Matrix2x3, Matrix2x4, Matrix3, OMatrix
 
 use super::{Affine2, SE2, SL3, Sim2, TranslationScale, Vector};
 use crate::manifold::{Alloc, Coordinates};
+use crate::report::BeliefRecord;
 
 /// A Lie group of motions of the plane that keep straight lines straight, under perturbations on the right.
 ///
@@ -85,5 +86,36 @@ impl PlanarMotion for SL3 {
             [0.0, 1.0, x, y, -y, x, -x * y, -y * y],
         ];
         SMatrix::<f64, 2, 8>::from_row_slice(rows.as_flattened())
+    }
+}
+
+/// Homogeneous matrix of the mean of a belief about a motion of the plane, whichever it is; `None` for other spaces.
+pub fn picture_from_plane(record: &BeliefRecord) -> Option<Matrix3<f64>> {
+    fn of<P: PlanarMotion>(record: &BeliefRecord) -> Option<Matrix3<f64>>
+    where
+        DefaultAllocator: Alloc<P::D>,
+    {
+        let read = || Some(P::read(&record.coordinates)?.matrix());
+        (record.space == P::SPACE).then(read).flatten()
+    }
+    let spaces = [of::<Vector<2>>, of::<TranslationScale>, of::<SE2>, of::<Sim2>, of::<Affine2>, of::<SL3>];
+    spaces.iter().find_map(|f| f(record))
+}
+
+#[cfg(test)]
+mod record_tests {
+    use super::*;
+    use crate::belief::Gaussian;
+    use nalgebra::Vector4;
+
+    #[test]
+    fn records_of_the_plane_are_matrices() {
+        let pose = Sim2::new(3.0, -2.0, 0.4, 1.5);
+        let mut record = BeliefRecord::default();
+        assert_eq!(picture_from_plane(&record), None);
+        record.set(&Gaussian::from_sigmas(pose, &Vector4::repeat(1.0)));
+        assert!((picture_from_plane(&record).unwrap() - pose.matrix()).norm() < 1e-12);
+        record.space = "se3";
+        assert_eq!(picture_from_plane(&record), None);
     }
 }

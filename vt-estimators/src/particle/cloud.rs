@@ -16,7 +16,7 @@ use super::diffusion::Diffusion;
 const BATCH: usize = 256;
 
 /// Particles. All lists have one entry each, but for those of paths, which not every method keeps.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Cloud<P, S> {
     pub states: Vec<S>,
     /// Those of `states`.

@@ -12,14 +12,16 @@ use vt_core::error::EstimateError;
 use vt_core::least_squares::symmetric_eigen;
 use vt_core::lie::{DynVector, Vector, VectorSpace};
 use vt_core::manifold::{AllocPair, Manifold};
-use vt_core::measurement_model::{Differentiable, Function, Instrument, Linear};
+use vt_core::measurement_model::{Differentiable, Function, Instrument, Linear, Reading};
 use vt_core::report::Innovation;
 use vt_core::robust::Robust;
 use vt_core::time::Seconds;
 use vt_estimators::gaussian_filter::GaussianFilter;
+use vt_estimators::imm::{Imm, Switching, mode};
 use vt_estimators::information::InformationFilter;
 use vt_estimators::kalman::KalmanFilter;
 use vt_estimators::sigma_point::{Rule, SigmaPointFilter};
+use vt_estimators::smoother::Smoother;
 use vt_estimators::square_root::SquareRootFilter;
 
 use crate::linear::{LinearProblem, batch, config};
@@ -200,38 +202,63 @@ proptest! {
 
 /// A locked coordinate, a rigid sensor, a prior that is nearly nothing: a million steps (by `.ci/full`).
 fn ill_conditioned(steps: u32) {
+    type V = Vector<3>;
+    type Z = Reading<V, Linear<Const<2>, Const<3>>>;
+    type Run = Box<dyn FnMut(Seconds, &Z) -> Gaussian<V>>;
     let random = &mut random(5);
     let prior = Gaussian::from_sigmas(Vector(Vector3::zeros()), &Vector3::new(1e6, 1.0, 1e-3));
     let motion = || Brownian::new(Vector3::new(1e4, 1e-8, 0.0)).expect("not negative");
-    let mut kalman =
-        KalmanFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
-    let mut root =
-        SquareRootFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let kalman = || KalmanFilter::<V, V, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let root = || SquareRootFilter::<V, V, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let sigma =
+        |rule| SigmaPointFilter::<V, V, _>::from_belief(prior.clone(), motion(), rule).expect("a prior");
+    let modes = vec![mode::<V, V, V, _>(kalman()), mode(sigma(Rule::Cubature))];
+    let imm = Imm::new(modes, &[0.5, 0.5], Switching::every(Seconds(1.0), 2), &prior).expect("models");
     let mut information =
-        InformationFilter::<Vector<3>, Vector<3>, _>::from_belief(prior.clone(), motion()).expect("a prior");
-    let mut cubature =
-        SigmaPointFilter::<Vector<3>, Vector<3>, _>::from_belief(prior, motion(), Rule::Cubature)
-            .expect("a prior");
+        InformationFilter::<V, V, _>::from_belief(prior.clone(), motion()).expect("a prior");
+    let mut runs: Vec<(&str, Run)> = vec![];
+    macro_rules! run {
+        ($name:literal, $filter:expr, $update:ident, $belief:expr) => {
+            let mut filter = $filter;
+            runs.push((
+                $name,
+                Box::new(move |dt, z| {
+                    filter.predict(dt).expect("finite");
+                    filter.$update(z).expect("finite");
+                    $belief(&filter)
+                }),
+            ));
+        };
+        ($name:literal, $filter:expr, $update:ident) => {
+            run!($name, $filter, $update, GaussianFilter::<V, V>::belief);
+        };
+    }
+    run!("kalman", kalman(), update);
+    run!("kalman, normal equations", kalman(), correct);
+    run!("iterated", kalman().iterated(3), update);
+    run!("row by row", kalman(), update_by_rows);
+    run!("Schmidt", kalman().considering(Vector3::y()), update);
+    run!("root", root(), update);
+    run!("root, normal equations", root(), correct);
+    run!("cubature", sigma(Rule::Cubature), update);
+    run!("unscented", sigma(Rule::UNSCENTED), update);
+    run!("unscented, negative weight", sigma(UNSCENTED), update);
+    run!("mixture", imm, correct, |f: &Imm<V, V>| f.belief().clone());
+    let smoother = Smoother::<V, _>::fixed_lag(kalman(), 3);
+    run!("smoother", smoother, correct, |f: &Smoother<V, _>| f.oldest().expect("regular"));
     for k in 0..steps {
         let dt = Seconds(if k % 7 == 0 { 1e3 } else { 1e-3 });
         let tilt = 1e-7 * random.normal();
         let h = SMatrix::<f64, 2, 3>::new(1.0, tilt, 1.0, 1.0, 1e-5, tilt);
         let noise = Matrix2::new(1e-12, 0.0, 0.0, if k % 3 == 0 { 1e-12 } else { 1e4 });
-        let instrument = Instrument::<Vector<3>, _>::new(Linear(h), noise).expect("valid");
+        let instrument = Instrument::<V, _>::new(Linear(h), noise).expect("valid");
         let z = instrument.read(Vector2::zeros()).expect("finite");
-        kalman.predict(dt).expect("finite");
-        kalman.update(&z).expect("finite");
-        root.predict(dt).expect("finite");
-        root.update(&z).expect("finite");
         information.predict(dt).expect("finite");
         information.correct(&z).expect("finite");
-        cubature.predict(dt).expect("finite");
-        cubature.update(&z).expect("finite");
         let y = information.information();
         assert!(*y == y.transpose() && symmetric_eigen(y).0.min() >= -1e-15 * y.trace(), "step {k}: {y}");
-        for (name, belief) in
-            [("kalman", kalman.belief().clone()), ("root", root.belief()), ("cubature", cubature.belief())]
-        {
+        for (name, run) in &mut runs {
+            let belief = run(dt, &z);
             let p = belief.covariance;
             assert_eq!(p, p.transpose(), "{name}, step {k}");
             let lowest = symmetric_eigen(&p).0.min();
@@ -278,6 +305,34 @@ fn considered_coordinates_keep_their_belief() {
     rows.update_by_rows(&z).expect("finite");
     assert!((rows.belief().covariance - expected).amax() < 1e-12);
     assert!(matches!(schmidt.correct(&z), Err(EstimateError::Unsupported(_))));
+
+    // Several rows, at once and one by one: x ← x + K_x ν with the rows K_x of the optimal gain, c as it was.
+    let random = &mut random(4);
+    let mut matrix = || SMatrix::<f64, 4, 4>::from_fn(|_, _| random.normal());
+    let (side, h) = (matrix(), matrix().fixed_rows::<2>(0).into_owned());
+    let prior =
+        Gaussian { mean: Vector(matrix().column(0).into_owned()), covariance: side * side.transpose() };
+    let (p, r) = (prior.covariance, Matrix2::new(0.3, 0.1, 0.1, 0.2));
+    let instrument = Instrument::<Vector<4>, _>::new(Linear(h), r).expect("valid");
+    let z = Vector2::new(1.0, -2.0);
+    let nu = z - h * prior.mean.0;
+    let mut gain = p * h.transpose() * (h * p * h.transpose() + r).try_inverse().expect("regular");
+    gain.rows_mut(1, 2).fill(0.0);
+    let rest = SMatrix::<f64, 4, 4>::identity() - gain * h;
+    let expected = rest * p * rest.transpose() + gain * r * gain.transpose();
+    let still = Brownian::<Vector<4>>::new(nalgebra::Vector4::zeros()).expect("valid");
+    let schmidt =
+        KalmanFilter::<Vector<4>, Vector<4>, _>::from_belief(prior.clone(), still).expect("a prior");
+    let schmidt = schmidt.considering(nalgebra::Vector4::new(0.0, 1.0, 1.0, 0.0));
+    let (mut at_once, mut rows) = (schmidt.clone(), schmidt);
+    let reading = instrument.read(z).expect("finite");
+    let innovations = [at_once.update(&reading), rows.update_by_rows(&reading)].map(|i| i.expect("finite"));
+    assert!((innovations[0].nis - innovations[1].nis).abs() < 1e-9);
+    for filter in [at_once, rows] {
+        let found = filter.belief();
+        assert!((found.mean.0 - prior.mean.0 - gain * nu).norm() < 1e-9);
+        assert!((found.covariance - expected).amax() < 1e-9, "{} {expected}", found.covariance);
+    }
 }
 
 /// Wrong sizes and numbers are errors and change nothing.

@@ -14,3 +14,4 @@ mod posterior;
 mod prediction;
 mod problems;
 mod several;
+mod sizes;

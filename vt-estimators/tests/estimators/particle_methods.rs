@@ -181,12 +181,18 @@ fn rigid_run(params: &ParticleParams, threads: usize) -> String {
 fn threads_do_not_change_a_bit_of_any_method() {
     let mut all = methods(&[&[3, 4, 5], &[0, 1, 2]]);
     let adaptive = Adaptive { widths: vec![0.01; 6], epsilon: 0.05, confidence: 0.99, least: 150, most: 900 };
-    all.push(("adaptive".into(), ParticleParams { adaptive: Some(adaptive), ..ParticleParams::default() }));
+    for (name, params) in methods(&[&[3, 4, 5], &[0, 1, 2]]) {
+        let adaptive = Some(adaptive.clone());
+        all.push((format!("{name}, adaptive"), ParticleParams { adaptive, roughening: 0.05, ..params }));
+    }
     all.push(("roughened".into(), ParticleParams { roughening: 0.1, ..ParticleParams::default() }));
     for resampling in
         [Resampling::Multinomial, Resampling::Stratified, Resampling::Systematic, Resampling::Residual]
     {
-        all.push((format!("{resampling:?}"), ParticleParams { resampling, ..ParticleParams::default() }));
+        for marginal in [false, true] {
+            let params = ParticleParams { resampling, marginal, ..ParticleParams::default() };
+            all.push((format!("{resampling:?}, marginal {marginal}"), params));
+        }
     }
     for (name, params) in all {
         let params = ParticleParams { count: 700, ..params };

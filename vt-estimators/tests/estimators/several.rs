@@ -15,8 +15,11 @@ use vt_core::time::{Seconds, Timestamp};
 use vt_estimators::adaptive::{Adaptive, Noise, NoiseFactor};
 use vt_estimators::gaussian_filter::GaussianFilter;
 use vt_estimators::imm::{Imm, Switching, mode};
+use vt_estimators::information::InformationFilter;
 use vt_estimators::kalman::KalmanFilter;
 use vt_estimators::out_of_sequence::Replay;
+use vt_estimators::particle::{Annealing, Method, ParticleFilter, ParticleParams};
+use vt_estimators::resampling::Resampling;
 use vt_estimators::retrodiction::{Retrodiction, RetrodictionFilter};
 use vt_estimators::sigma_point::{Rule, SigmaPointFilter};
 use vt_estimators::smoother::Smoother;
@@ -132,33 +135,44 @@ proptest! {
             };
         }
         check!(kalman(0.4));
+        check!(SquareRootFilter::<Plane, Plane, _>::from_belief(prior(), motion(0.4)).expect("a prior"));
+        check!(InformationFilter::<Plane, Plane, _>::from_belief(prior(), motion(0.4)).expect("a prior"));
+        check!(ParticleFilter::<Plane, Plane, _>::new(&prior(), vec![], motion(0.4), ParticleParams::default()).expect("a prior"));
         check!(sigma.clone());
         check!(imm.clone());
+        check!(kalman(0.4).iterated(3));
+        check!(Smoother::<Plane, _>::fixed_lag(kalman(0.4), 3));
+        let factor = NoiseFactor::new(2, 0.5, (0.1, 10.0)).expect("valid");
+        check!(Adaptive::<Plane, _>::new(kalman(0.4), Noise::Process, factor.clone()));
+        for method in [Method::Auxiliary, Method::Annealed(Annealing::default()), Method::Partitioned(vec![vec![0, 1], vec![2, 3]])] {
+            let params = ParticleParams { method, resampling: Resampling::Residual, ..ParticleParams::default() };
+            check!(ParticleFilter::<Plane, Plane, _>::new(&prior(), vec![], motion(0.4), params.clone()).expect("a prior"));
+        }
     }
 
-    /// One step late: A1 is the right order; B1 is near, and its covariance is not too small.
+    /// One step late: A1 is the replay; B1 is near, and its covariance is not too small.
     #[test]
-    fn retrodiction_of_one_step(seed: u64, share in 0.05..0.95_f64) {
+    fn retrodiction_of_one_step(seed: u64, late_by in 50_000_000..850_000_000_i64) {
         let random = &mut random(seed);
         let (early, late, last) = (row(random), row(random), row(random));
-        let (first, span) = (0.4, 0.9);
+        let times = [400_000_000, 1_300_000_000 - late_by, 1_300_000_000].map(Timestamp);
+        let (first, span, age) = (times[0] - Timestamp(0), times[2] - times[0], times[2] - times[1]);
         let start = || {
             let mut filter = RetrodictionFilter::<Plane, _>::new(prior(), motion(0.7)).expect("a prior");
-            filter.predict(Seconds(first)).expect("finite");
+            filter.predict(first).expect("finite");
             filter.update(&early).expect("finite");
             filter
         };
-        let mut ordered = start();
-        ordered.predict(Seconds(share * span)).expect("finite");
-        ordered.update(&late).expect("finite");
-        ordered.predict(Seconds((1.0 - share) * span)).expect("finite");
-        ordered.update(&last).expect("finite");
-        let expected = ordered.belief();
+        let mut replay = Replay::new(kalman(0.7), Timestamp(0), 3);
+        for (time, z) in [(times[0], &early), (times[2], &last), (times[1], &late)] {
+            replay.take(time, z.clone()).expect("in time");
+        }
+        let expected = replay.newest().expect("a belief").1.belief();
         let retrodicted = |retrodiction| {
             let mut filter = start();
-            filter.predict(Seconds(span)).expect("finite");
+            filter.predict(span).expect("finite");
             filter.update(&last).expect("finite");
-            filter.update_late(&late, Seconds((1.0 - share) * span), retrodiction).expect("one step late");
+            filter.update_late(&late, age, retrodiction).expect("one step late");
             filter
         };
         let optimal = retrodicted(Retrodiction::Optimal);

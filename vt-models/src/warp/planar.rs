@@ -3,7 +3,7 @@
 
 use core::marker::PhantomData;
 
-use nalgebra::{DefaultAllocator, Matrix2, Matrix3, OMatrix, Point2, U2};
+use nalgebra::{DefaultAllocator, Dim, Matrix, Matrix2, Matrix3, OMatrix, Point2, StorageMut, U2};
 use vt_core::agent::{Posed, Warp};
 use vt_core::lie::PlanarMotion;
 use vt_core::manifold::Alloc;
@@ -29,6 +29,14 @@ impl<P> PlanarWarp<P> {
     #[must_use]
     pub fn with_free(self, free: &[bool]) -> Self {
         Self { locked: (0..free.len()).filter(|&k| !free[k]).collect(), ..self }
+    }
+
+    /// Sets the columns of the locked degrees of freedom in rows over the tangent space to zero.
+    #[inline]
+    pub fn lock<R: Dim, D: Dim, S: StorageMut<f64, R, D>>(&self, rows: &mut Matrix<f64, R, D, S>) {
+        for &k in &self.locked {
+            rows.column_mut(k).fill(0.0);
+        }
     }
 }
 
@@ -75,9 +83,7 @@ where
             Matrix2::new(m.m11 - y.x * m.m31, m.m12 - y.x * m.m32, m.m21 - y.y * m.m31, m.m22 - y.y * m.m32)
                 / depth;
         let mut jacobian = by_model * P::generators(x);
-        for &k in &self.warp.locked {
-            jacobian.column_mut(k).fill(0.0);
-        }
+        self.warp.lock(&mut jacobian);
         Some((y, jacobian))
     }
 }

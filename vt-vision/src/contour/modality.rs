@@ -15,7 +15,7 @@ use super::likelihood::ContourLikelihood;
 use super::params::{ContourParams, MOST_SAMPLES};
 use crate::canny::{CannyEvidence, CannyParams, CannyProcessing};
 use crate::plane::intersection;
-use crate::search_region::search_region;
+use crate::search_region::{check_prior, search_region};
 
 /// Pixel-level contour modality of one target. It needs the evidence of [`CannyProcessing`] with its own parameters.
 pub struct ContourModality<P, W: Warp<P>>
@@ -84,9 +84,7 @@ where
         prior: &Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
         self.seen = false;
-        if !prior.is_finite() {
-            return Err(MeasureError::Prediction("the predicted pose is not finite"));
-        }
+        check_prior(prior)?;
         evidence.frame(self.needs[0].sensor)?;
         let canny = evidence.get::<CannyEvidence>(&self.needs[0])?.edges.now();
         let searched = canny.mask().region();

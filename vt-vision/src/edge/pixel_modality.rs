@@ -16,7 +16,7 @@ use vt_models::visibility::EdgeSite;
 use super::params::EdgeParams;
 use super::pixels::{ContourPoint, EdgePixels, weight};
 use crate::edge_map::{EdgeMap, EdgeMapProcessing};
-use crate::search_region::search_region;
+use crate::search_region::{check_prior, search_region};
 use crate::turns::Turns;
 
 /// Pixel-level edge modality of one target. It needs the evidence of [`EdgeMapProcessing`] with its own
@@ -87,9 +87,7 @@ where
         prior: &Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
         self.seen = false;
-        if !prior.is_finite() {
-            return Err(MeasureError::Prediction("the predicted pose is not finite"));
-        }
+        check_prior(prior)?;
         evidence.frame(self.needs[0].sensor)?;
         self.pixels.map = evidence.get::<Turns<EdgeMap>>(&self.needs[0])?.now().clone();
         let sites = self.visibility.visible(&prior.mean);

@@ -10,7 +10,7 @@ use vt_sim::bodies;
 
 use crate::quantity::Length;
 use crate::registry::Params;
-use crate::roles::Place;
+use crate::roles::{Ground, Place};
 
 /// Parameters of the shape `bracket`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -58,38 +58,38 @@ impl Params for Sides {
     }
 }
 
-fn shape(name: &str, p: &impl Params, mesh: impl FnOnce() -> Mesh) -> Result<Shape, ConfigError> {
+fn shape(name: &str, p: &impl Params, mesh: impl FnOnce() -> Mesh) -> Result<Ground, ConfigError> {
     p.check()?;
     let origin = SE3::from_rotation_vector(&Vector3::zeros(), Vector3::zeros());
-    Ok(Shape::default().with(name, mesh(), origin))
+    Ok(Ground::Body(Shape::default().with(name, mesh(), origin)))
 }
 
 /// Builds the shape `bracket`.
-pub(super) fn bracket(p: Bracket, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn bracket(p: Bracket, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("bracket", &p, || vt_sim::bracket::bracket(p.cell.si()))
 }
 
 /// Builds the shape `house`.
-pub(super) fn house(p: Size, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn house(p: Size, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("house", &p, || bodies::house(p.size.si()))
 }
 
 /// Builds the shape `stairs`.
-pub(super) fn stairs(p: Size, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn stairs(p: Size, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("stairs", &p, || bodies::stairs(p.size.si()))
 }
 
 /// Builds the shape `wedge`.
-pub(super) fn wedge(p: Size, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn wedge(p: Size, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("wedge", &p, || bodies::wedge(p.size.si()))
 }
 
 /// Builds the shape `tee`.
-pub(super) fn tee(p: Size, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn tee(p: Size, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("tee", &p, || bodies::tee(p.size.si()))
 }
 
 /// Builds the shape `cuboid`.
-pub(super) fn cuboid(p: Sides, _: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn cuboid(p: Sides, _: Place<'_>) -> Result<Ground, ConfigError> {
     shape("cuboid", &p, || bodies::cuboid(p.sides.map(|s| s.si())))
 }

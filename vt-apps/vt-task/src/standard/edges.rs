@@ -27,6 +27,22 @@ pub enum Hypotheses {
     Multiple,
 }
 
+impl Hypotheses {
+    pub(super) fn of(method: edge::Hypotheses) -> Self {
+        match method {
+            edge::Hypotheses::Single => Self::Single,
+            edge::Hypotheses::Multiple => Self::Multiple,
+        }
+    }
+
+    pub(super) fn method(self) -> edge::Hypotheses {
+        match self {
+            Self::Single => edge::Hypotheses::Single,
+            Self::Multiple => edge::Hypotheses::Multiple,
+        }
+    }
+}
+
 /// Parameters of the modality `edges`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -69,7 +85,7 @@ pub struct Edges {
     pub crease_angle: Angle,
 }
 
-fn pixels(v: f64) -> Pixels {
+pub(super) fn pixels(v: f64) -> Pixels {
     // A finite number of a known unit always is a quantity.
     Pixels::new(v, "px").unwrap_or_default()
 }
@@ -78,10 +94,7 @@ impl Default for Edges {
     fn default() -> Self {
         let (p, v) = (EdgeParams::default(), VisibilityOptions::default());
         Self {
-            hypotheses: match p.hypotheses {
-                edge::Hypotheses::Single => Hypotheses::Single,
-                edge::Hypotheses::Multiple => Hypotheses::Multiple,
-            },
+            hypotheses: Hypotheses::of(p.hypotheses),
             min_contrast: p.min_contrast,
             max_candidates: p.max_candidates,
             range: p.range.map(pixels),
@@ -107,10 +120,7 @@ impl Edges {
     fn params(&self, level: vt_core::measurement::Level) -> Result<EdgeParams, ConfigError> {
         EdgeParams {
             level,
-            hypotheses: match self.hypotheses {
-                Hypotheses::Single => edge::Hypotheses::Single,
-                Hypotheses::Multiple => edge::Hypotheses::Multiple,
-            },
+            hypotheses: self.hypotheses.method(),
             min_contrast: self.min_contrast,
             max_candidates: self.max_candidates,
             range: self.range.map(|r| r.si()),
@@ -159,8 +169,11 @@ pub(super) fn edges(p: Edges, context: ModalityContext<'_>) -> Result<ModalityPr
     let mismatch = |found: String, expected: &str| ConfigError::Mismatch { found, expected: expected.into() };
     let camera =
         *context.camera.ok_or_else(|| mismatch("an uncalibrated sensor".into(), "a calibrated one"))?;
-    let mesh =
-        context.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
+    let mesh = context
+        .shape
+        .body()?
+        .flatten()
+        .map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
     let options = EdgeOptions { crease_angle: p.crease_angle.si(), ..EdgeOptions::default() };
     let model =
         EdgeModel::new(&mesh, &options).map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::DefaultAllocator;
+use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, State};
 use vt_core::error::{ConfigError, EstimateError};
-use vt_core::lie::SE3;
-use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
+use vt_core::manifold::{Alloc, AllocPair, Coordinates, Manifold, Square, Tangent};
 use vt_core::time::Seconds;
 use vt_estimators::imm::{Imm, Switching, mode};
 use vt_estimators::information::InformationFilter;
@@ -19,7 +18,7 @@ use vt_estimators::square_root::SquareRootFilter;
 
 use crate::quantity::Span;
 use crate::registry::{NoParams, Params};
-use crate::roles::{Chosen, EstimatorContext, Motion};
+use crate::roles::{Chosen, EstimatorContext, Motion, StateAlloc};
 
 /// Parameters of the estimator `kalman`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,7 +56,7 @@ macro_rules! over_states {
         match $context.motion {
             Motion::Pose($motion) => {
                 let $rest = vec![];
-                Box::new($filter.map_err(unfit)?) as Box<dyn Estimator<SE3>>
+                Box::new($filter.map_err(unfit)?) as Box<dyn Estimator<P>>
             }
             Motion::Moving($motion, $rest) => Box::new($filter.map_err(unfit)?),
             Motion::Accelerating($motion, $rest) => Box::new($filter.map_err(unfit)?),
@@ -66,25 +65,43 @@ macro_rules! over_states {
 }
 pub(super) use over_states;
 
-pub(super) fn kalman(p: Kalman, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+pub(super) fn kalman<P: Coordinates>(
+    p: Kalman,
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let prior = c.prior;
-    Ok(over_states!(c, |m, rest| KalmanFilter::<SE3, _, _>::new(&prior, rest, m, p.iterations)))
+    Ok(over_states!(c, |m, rest| KalmanFilter::<P, _, _>::new(&prior, rest, m, p.iterations)))
 }
 
-pub(super) fn square_root(
+pub(super) fn square_root<P: Coordinates>(
     _: NoParams,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let prior = c.prior;
-    Ok(over_states!(c, |m, rest| SquareRootFilter::<SE3, _, _>::new(&prior, rest, m)))
+    Ok(over_states!(c, |m, rest| SquareRootFilter::<P, _, _>::new(&prior, rest, m)))
 }
 
-pub(super) fn information(
+pub(super) fn information<P: Coordinates>(
     _: NoParams,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let prior = c.prior;
-    Ok(over_states!(c, |m, rest| InformationFilter::<SE3, _, _>::new(&prior, rest, m)))
+    Ok(over_states!(c, |m, rest| InformationFilter::<P, _, _>::new(&prior, rest, m)))
 }
 
 /// Parameters of the estimator `unscented`.
@@ -123,10 +140,15 @@ impl Params for Unscented {
     }
 }
 
-pub(super) fn unscented(
+pub(super) fn unscented<P: Coordinates>(
     p: Unscented,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let Unscented { alpha, beta, kappa, iterations } = p;
     sigma_points(Rule::Unscented { alpha, beta, kappa }, iterations, c)
 }
@@ -151,21 +173,31 @@ impl Params for Cubature {
     }
 }
 
-pub(super) fn cubature(
+pub(super) fn cubature<P: Coordinates>(
     p: Cubature,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     sigma_points(Rule::Cubature, p.iterations, c)
 }
 
-fn sigma_points(
+fn sigma_points<P: Coordinates>(
     rule: Rule,
     iterations: u32,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let prior = c.prior;
     Ok(over_states!(c, |m, rest| {
-        SigmaPointFilter::<SE3, _, _>::new(&prior, rest, m, rule).map(|f| f.iterated(iterations))
+        SigmaPointFilter::<P, _, _>::new(&prior, rest, m, rule).map(|f| f.iterated(iterations))
     }))
 }
 
@@ -202,7 +234,15 @@ impl Params for Models {
     }
 }
 
-pub(super) fn models(p: Models, c: EstimatorContext<SE3>) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
+pub(super) fn models<P: Coordinates>(
+    p: Models,
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
     let prior = c.prior;
     Ok(match c.motion {
         Motion::Pose(m) => mixture(&p, &prior, &[], m)?,
@@ -266,5 +306,8 @@ where
     }
     fn noise(&self, state: &S, dt: Seconds) -> Square<S> {
         self.motion.noise(state, dt) * (self.strength * self.strength)
+    }
+    fn fits(&self, state: &S) -> Result<(), EstimateError> {
+        self.motion.fits(state)
     }
 }

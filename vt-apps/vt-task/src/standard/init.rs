@@ -1,12 +1,13 @@
 //! Priors of the first frame for rigid bodies, and where to try again after a loss.
 
-use nalgebra::Vector6;
+use nalgebra::{DefaultAllocator, Vector6};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::agent::Reinitializer;
 use vt_core::belief::Gaussian;
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
+use vt_core::manifold::{Alloc, Manifold};
 use vt_fusion::reinitialization::PriorPoses;
 use vt_io::truth::read_pose;
 
@@ -14,7 +15,7 @@ use crate::geometry::PoseText;
 use crate::language::FilePath;
 use crate::quantity::{Angle, Length};
 use crate::registry::Params;
-use crate::roles::{InitContext, ReinitContext, Start};
+use crate::roles::{Deviations, InitContext, ReinitContext, Start};
 
 /// Deviations of a prior pose, the same for all axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -26,8 +27,8 @@ pub struct Sigma {
     pub rotation: Angle,
 }
 
-impl Sigma {
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
+impl Params for Sigma {
+    fn check(&self) -> Result<(), ConfigError> {
         if self.translation.si() <= 0.0 {
             return Err(ConfigError::parameter("sigma.translation", self.translation, "a positive length"));
         }
@@ -36,11 +37,26 @@ impl Sigma {
         }
         Ok(())
     }
+}
 
-    pub(super) fn around(&self, mean: SE3, context: &InitContext<'_>) -> Gaussian<SE3> {
-        let value = |k| if k < 3 { self.translation.si() } else { self.rotation.si() };
-        Gaussian::from_sigmas(mean, &Vector6::from_fn(|k, _| context.freedom.mask(k, value(k))))
+impl Deviations<SE3> for Sigma {
+    fn tangent(&self) -> Result<Vector6<f64>, ConfigError> {
+        Ok(Vector6::from_fn(|k, _| if k < 3 { self.translation.si() } else { self.rotation.si() }))
     }
+}
+
+/// A prior about `mean`; locked coordinates have no uncertainty.
+pub(super) fn around<P: Manifold>(
+    mean: P,
+    sigma: &impl Deviations<P>,
+    context: &InitContext<'_>,
+) -> Result<Gaussian<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let mut deviations = sigma.tangent()?;
+    deviations.iter_mut().enumerate().for_each(|(k, s)| *s = context.freedom.mask(k, *s));
+    Ok(Gaussian::from_sigmas(mean, &deviations))
 }
 
 /// Parameters of the init `pose`.
@@ -99,18 +115,18 @@ impl Params for InitTruth {
 }
 
 pub(super) fn pose(p: InitPose, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
-    Ok(p.sigma.around(p.camera_from_object.pose()?, &context).into())
+    Ok(around(p.camera_from_object.pose()?, &p.sigma, &context)?.into())
 }
 
 pub(super) fn file(p: InitFile, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
     let pose = read_pose(&context.place.resolve(&p.path))
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable pose".into() })?;
-    Ok(p.sigma.around(pose, &context).into())
+    Ok(around(pose, &p.sigma, &context)?.into())
 }
 
 pub(super) fn truth(p: InitTruth, context: InitContext<'_>) -> Result<Start<SE3>, ConfigError> {
     let offset = p.offset.unwrap_or_default().pose()?;
-    Ok(p.sigma.around(context.true_pose()? * offset, &context).into())
+    Ok(around(context.true_pose()? * offset, &p.sigma, &context)?.into())
 }
 
 /// Parameters of the re-initialiser `prior`.
@@ -136,10 +152,13 @@ impl Params for ReinitPrior {
     }
 }
 
-pub(super) fn prior(
+pub(super) fn prior<P: Manifold>(
     p: ReinitPrior,
-    context: ReinitContext<'_, SE3>,
-) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
+    context: ReinitContext<'_, P>,
+) -> Result<Option<Box<dyn Reinitializer<P>>>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
     let last_trusted = (p.last_trusted > 0.0).then_some(p.last_trusted);
     let priors = context.prior.cloned().into_iter().collect();
     Ok(Some(Box::new(PriorPoses { priors, last_trusted })))

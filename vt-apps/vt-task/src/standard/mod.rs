@@ -1,14 +1,18 @@
 //! The methods of this project; adding one is one line here.
 
 pub mod bodies;
+pub mod color;
+pub mod contour;
 pub mod edges;
 pub mod estimator;
+pub mod flat;
 pub mod fusion;
 pub mod init;
 pub mod loss;
 pub mod motion;
 pub mod output;
 pub mod particle;
+pub mod planar;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
@@ -17,22 +21,30 @@ pub mod truth;
 pub mod views;
 pub mod warp;
 
+use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use vt_core::error::ConfigError;
-use vt_core::lie::SE3;
+use vt_core::lie::{Affine2, SE2, SE3, SL3, Sim2, TranslationScale, Vector};
+use vt_core::manifold::Coordinates;
 
 use crate::language::Level::{Feature, Object, Pixel};
 use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
-    AppearanceProduct, Appearances, Association, AssociationProduct, Estimators, Fusions, Inits, Losses,
-    Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, Truths, Warps,
+    AppearanceProduct, Appearances, Association, AssociationProduct, Deviations, Estimators, Fusions, Inits,
+    Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, StateAlloc, Truths, Warps,
 };
 
 impl Registry {
     /// All methods of this project.
     pub fn standard() -> Self {
-        Self::empty()
-            .with_space::<SE3>()
+        let bodies = estimators::<SE3, init::Sigma>(Self::empty());
+        let flat = planar::<Vector<2>>(bodies, "translation", "flat model that is moved");
+        let flat =
+            planar::<TranslationScale>(flat, "translation-scale", "flat model that is moved and magnified");
+        let flat = planar::<SE2>(flat, "se2", "flat model that is moved and turned");
+        let flat = planar::<Sim2>(flat, "sim2", "flat model that is moved, turned and magnified");
+        let flat = planar::<Affine2>(flat, "affine", "flat model under affine maps");
+        planar::<SL3>(flat, "homography", "flat model under homographies")
             .with(Method::<Sensors>::new(
                 "images",
                 "pictures of a folder or by a numbered pattern",
@@ -62,6 +74,16 @@ impl Registry {
             .with(Method::<Shapes>::new("wedge", "wedge with a slot, made in code", bodies::wedge))
             .with(Method::<Shapes>::new("tee", "flat T with a boss, made in code", bodies::tee))
             .with(Method::<Shapes>::new("cuboid", "box, made in code", bodies::cuboid))
+            .with(Method::<Shapes>::new("rectangle", "flat rectangle about the origin", flat::rectangle))
+            .with(Method::<Shapes>::new("ellipse", "flat ellipse about the origin", flat::ellipse))
+            .with(Method::<Shapes>::new("polygon", "flat polygon", flat::polygon))
+            .with(Method::<Shapes>::new("spline", "flat shape in a closed cubic B-spline", flat::spline))
+            .with(Method::<Shapes>::new("svg", "flat shape in an SVG path", flat::svg))
+            .with(Method::<Shapes>::new(
+                "silhouette",
+                "flat outline of a body in space, seen from a pose",
+                flat::silhouette,
+            ))
             .with(Method::<Appearances>::new("unknown", "nothing is known of the surface", unknown))
             .with(Method::<Warps<SE3>>::new("se3", "rigid body before a calibrated camera", warp::rigid))
             .with(Method::<Motions<SE3>>::new("brownian", "random walk of the pose", motion::brownian))
@@ -138,62 +160,12 @@ impl Registry {
                 )
                 .levels(&[Pixel, Feature, Object]),
             )
-            .with(
-                Method::<Estimators<SE3>>::new(
-                    "particle",
-                    "particle filter: bootstrap, auxiliary or annealed; Rao-Blackwellised; adaptive number",
-                    particle::particle,
-                )
-                .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new(
-                    "kalman",
-                    "extended or iterated Kalman filter",
-                    estimator::kalman,
-                )
-                .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new(
-                    "square-root",
-                    "Kalman filter by orthogonal transformations",
-                    estimator::square_root,
-                )
-                .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new(
-                    "information",
-                    "Kalman filter by information",
-                    estimator::information,
-                )
-                .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new("unscented", "unscented Kalman filter", estimator::unscented)
-                    .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new("cubature", "cubature Kalman filter", estimator::cubature)
-                    .levels(&[Pixel, Feature, Object]),
-            )
-            .with(
-                Method::<Estimators<SE3>>::new(
-                    "imm",
-                    "interacting models: the motion in several strengths",
-                    estimator::models,
-                )
-                .levels(&[Pixel, Feature, Object]),
-            )
             .with(Method::<Losses>::new(
                 "fused",
                 "support, surprise and spread in one probability",
                 loss::fused,
             ))
             .with(Method::<Losses>::new("covariance", "the paper's test of the covariance", loss::covariance))
-            .with(Method::<Reinits<SE3>>::new("none", "a lost target coasts", views::none))
-            .with(Method::<Reinits<SE3>>::new("prior", "the last trusted pose, then the prior", init::prior))
             .with(Method::<Reinits<SE3>>::new(
                 "views",
                 "as `prior`, then a search of the picture for all views of the model",
@@ -205,6 +177,16 @@ impl Registry {
                 "covariances",
                 "covariances.csv: frame and 21 values",
                 output::covariances,
+            ))
+            .with(Method::<Outputs>::new(
+                "boxes",
+                "boxes.txt: x,y,width,height of flat targets",
+                output::boxes,
+            ))
+            .with(Method::<Outputs>::new(
+                "corners",
+                "corners.txt: four corners of flat targets",
+                output::corners,
             ))
             .with(Method::<Outputs>::new("steps", "steps.jsonl: all that a step knows", output::steps))
             .with(Method::<Outputs>::new("report", "report.json: conditions, errors, time", output::report))
@@ -228,4 +210,90 @@ fn unknown(_: NoParams, _: Place<'_>) -> Result<AppearanceProduct, ConfigError> 
 
 fn one_to_one(_: NoParams, _: ()) -> Result<AssociationProduct, ConfigError> {
     Ok(AssociationProduct::OneToOne)
+}
+
+/// The registry with all estimators, the re-initialisers that know no picture, and targets of a pose space; `B` says how
+/// deviations are given.
+fn estimators<P: Coordinates, B: Deviations<P> + Copy>(registry: Registry) -> Registry
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    registry
+        .with_space::<P>()
+        .with(Method::<Reinits<P>>::new("none", "a lost target coasts", views::none::<P>))
+        .with(Method::<Reinits<P>>::new("prior", "the last trusted pose, then the prior", init::prior::<P>))
+        .with(
+            Method::<Estimators<P>>::new(
+                "particle",
+                "particle filter: bootstrap, auxiliary or annealed; Rao-Blackwellised; adaptive number",
+                particle::particle::<P, B>,
+            )
+            .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new(
+                "kalman",
+                "extended or iterated Kalman filter",
+                estimator::kalman::<P>,
+            )
+            .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new(
+                "square-root",
+                "Kalman filter by orthogonal transformations",
+                estimator::square_root::<P>,
+            )
+            .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new(
+                "information",
+                "Kalman filter by information",
+                estimator::information::<P>,
+            )
+            .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new("unscented", "unscented Kalman filter", estimator::unscented::<P>)
+                .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new("cubature", "cubature Kalman filter", estimator::cubature::<P>)
+                .levels(&[Pixel, Feature, Object]),
+        )
+        .with(
+            Method::<Estimators<P>>::new(
+                "imm",
+                "interacting models: the motion in several strengths",
+                estimator::models::<P>,
+            )
+            .levels(&[Pixel, Feature, Object]),
+        )
+}
+
+/// The registry with flat models of one pose space, under the warp `kind`.
+fn planar<P: planar::PlanarSpace>(registry: Registry, kind: &str, about: &str) -> Registry
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    estimators::<P, planar::PlanarSigma>(registry)
+        .with(Method::<Warps<P>>::new(kind, about, planar::warp::<P>))
+        .with(Method::<Motions<P>>::new("brownian", "random walk of the pose", planar::brownian::<P>))
+        .with(Method::<Motions<P>>::new("constant-velocity", "white acceleration", planar::velocity::<P>))
+        .with(Method::<Inits<P>>::new("pose", "a pose written in the task", planar::pose::<P>))
+        .with(Method::<Inits<P>>::new("box", "the pose of a box in the picture", planar::on_box::<P>))
+        .with(
+            Method::<Modalities<P>>::new("contour", "outline against Canny edges", contour::contour::<P>)
+                .levels(&[Pixel]),
+        )
+        .with(
+            Method::<Modalities<P>>::new("color", "colour histograms under a kernel", color::color::<P>)
+                .levels(&[Pixel])
+                .picture(Picture::Colour),
+        )
 }

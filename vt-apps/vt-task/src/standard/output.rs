@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use vt_core::agent::Output;
 use vt_core::error::{ConfigError, DeviceError};
 use vt_core::frame::SensorId;
+use vt_io::boxes::{Form, PlanarFile};
 use vt_io::covariances::Covariances;
 use vt_io::gif::{Gif, GifSettings};
 use vt_io::overlay::{Drawing, Overlays, Projector, Settings};
@@ -171,4 +172,23 @@ pub(super) fn gif(p: GifParams, c: OutputContext<'_>) -> Built {
 pub(super) fn plot(_: NoParams, c: OutputContext<'_>) -> Built {
     let targets = c.summary.targets.iter().map(|t| (t.name.clone(), t.truth().cloned())).collect();
     Ok(Box::new(RunPlot::create(c.folder, targets).map_err(failed)?))
+}
+
+/// One line a frame for flat targets.
+fn planar(form: Form, c: &OutputContext<'_>) -> Built {
+    if c.bounds.iter().all(Option::is_none) {
+        return Err(ConfigError::Mismatch {
+            found: "no flat target".into(),
+            expected: "a target whose model has a flat shape".into(),
+        });
+    }
+    Ok(Box::new(PlanarFile::create(c.folder, form, c.targets, c.bounds).map_err(failed)?))
+}
+
+pub(super) fn boxes(_: NoParams, c: OutputContext<'_>) -> Built {
+    planar(Form::Boxes, &c)
+}
+
+pub(super) fn corners(_: NoParams, c: OutputContext<'_>) -> Built {
+    planar(Form::Corners, &c)
 }

@@ -1,17 +1,18 @@
 //! Particle filters.
 
+use nalgebra::{DefaultAllocator, DimAdd, DimSum};
 use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use vt_core::agent::Estimator;
 use vt_core::error::ConfigError;
-use vt_core::lie::SE3;
+use vt_core::manifold::Coordinates;
 use vt_estimators::particle::{Adaptive, Annealing, Method, ParticleFilter, ParticleParams};
 use vt_estimators::resampling;
 
 use super::estimator::{over_states, unfit};
-use crate::quantity::{Angle, Length};
 use crate::registry::Params;
-use crate::roles::{EstimatorContext, Motion};
+use crate::roles::{Deviations, EstimatorContext, Motion, StateAlloc};
 
 /// How particles are drawn anew.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -63,11 +64,9 @@ impl Default for Layers {
 /// A number of particles that follows the spread of the belief (KLD-sampling).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Number {
-    /// Width of a bin in each coordinate of the position.
-    pub translation: Length,
-    /// Width of a bin in each coordinate of the orientation.
-    pub rotation: Angle,
+pub struct Number<B> {
+    /// Widths of a bin in each coordinate.
+    pub bins: B,
     /// Fewest particles.
     pub least: usize,
     /// Most particles.
@@ -90,8 +89,8 @@ fn confidence() -> f64 {
 
 /// Parameters of the estimator `particle`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Particle {
+#[serde(deny_unknown_fields, default, bound = "B: Serialize + DeserializeOwned")]
+pub struct Particle<B> {
     /// Number of particles; of the start, where it is `adaptive`.
     pub particles: usize,
     /// How particles are drawn anew.
@@ -107,10 +106,10 @@ pub struct Particle {
     /// Jitter after resampling, as a part of the particles' range for one particle; 0 for none.
     pub roughening: f64,
     /// Number of particles by the bins that they occupy; a fixed number when absent.
-    pub adaptive: Option<Number>,
+    pub adaptive: Option<Number<B>>,
 }
 
-impl Default for Particle {
+impl<B> Default for Particle<B> {
     fn default() -> Self {
         let p = ParticleParams::default();
         Self {
@@ -129,7 +128,7 @@ impl Default for Particle {
 /// More particles than this are refused.
 const MOST_PARTICLES: usize = 1_000_000;
 
-impl Params for Particle {
+impl<B: Params + Copy> Params for Particle<B> {
     fn check(&self) -> Result<(), ConfigError> {
         let count = |key, n: usize| {
             let expected = format!("at least 1 particle, at most {MOST_PARTICLES}");
@@ -165,20 +164,12 @@ impl Params for Particle {
         let (epsilon, confidence) = (number.epsilon, number.confidence);
         within("epsilon", epsilon, epsilon > 0.0 && epsilon <= 10.0, "a number above 0, at most 10")?;
         within("confidence", confidence, (0.5..1.0).contains(&confidence), "a number from 0.5 to below 1")?;
-        let (t, r) = (number.translation, number.rotation);
-        for (key, width, found) in
-            [("translation", t.si(), t.to_string()), ("rotation", r.si(), r.to_string())]
-        {
-            if width <= 0.0 {
-                return Err(ConfigError::parameter(key, found, "a positive value"));
-            }
-        }
-        Ok(())
+        number.bins.check()
     }
 }
 
-impl Particle {
-    fn params(&self, c: &EstimatorContext<SE3>) -> ParticleParams {
+impl<B: Copy> Particle<B> {
+    fn params(&self, widths: Vec<f64>, seed: u64, target: u64) -> ParticleParams {
         let Layers { survival, moves, most_layers } = self.annealing;
         ParticleParams {
             count: self.particles,
@@ -198,23 +189,29 @@ impl Particle {
             marginal: self.rao_blackwellized,
             roughening: self.roughening,
             adaptive: self.adaptive.map(|n| Adaptive {
-                widths: (0..6).map(|k| if k < 3 { n.translation.si() } else { n.rotation.si() }).collect(),
+                widths,
                 epsilon: n.epsilon,
                 confidence: n.confidence,
                 least: n.least,
                 most: n.most,
             }),
-            seed: c.seed,
-            target: c.target,
+            seed,
+            target,
         }
     }
 }
 
-pub(super) fn particle(
-    p: Particle,
-    c: EstimatorContext<SE3>,
-) -> Result<Box<dyn Estimator<SE3>>, ConfigError> {
-    let params = p.params(&c);
+pub(super) fn particle<P: Coordinates, B: Deviations<P> + Copy>(
+    p: Particle<B>,
+    c: EstimatorContext<P>,
+) -> Result<Box<dyn Estimator<P>>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    let widths = p.adaptive.map_or(Ok(vec![]), |n| Ok(n.bins.tangent()?.as_slice().to_vec()))?;
+    let params = p.params(widths, c.seed, c.target);
     let prior = c.prior;
-    Ok(over_states!(c, |m, rest| ParticleFilter::<SE3, _, _>::new(&prior, rest, m, params)))
+    Ok(over_states!(c, |m, rest| ParticleFilter::<P, _, _>::new(&prior, rest, m, params)))
 }

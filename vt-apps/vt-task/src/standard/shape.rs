@@ -12,7 +12,7 @@ use vt_models::mesh::{Mesh, Shape, Unit};
 use crate::geometry::PoseText;
 use crate::language::FilePath;
 use crate::registry::Params;
-use crate::roles::Place;
+use crate::roles::{Ground, Place};
 
 /// Length unit of the coordinates of a model file. Files do not say it, so the task must.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -61,7 +61,7 @@ pub fn vertices(path: &Path, unit: FileUnit) -> Result<Vec<Point3<f64>>, ConfigE
     Ok(load(path, unit)?.vertices().to_vec())
 }
 
-fn load(path: &Path, unit: FileUnit) -> Result<Mesh, ConfigError> {
+pub(super) fn load(path: &Path, unit: FileUnit) -> Result<Mesh, ConfigError> {
     load_mesh(path, unit.unit())
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable model file".into() })
 }
@@ -101,7 +101,7 @@ impl Params for MeshFiles {
 }
 
 /// Builds the shape `mesh`.
-pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Shape, ConfigError> {
+pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Ground, ConfigError> {
     let mut shape = Shape::default();
     for part in &p.parts {
         let path = place.resolve(&part.file);
@@ -110,5 +110,5 @@ pub(super) fn mesh(p: MeshFiles, place: Place<'_>) -> Result<Shape, ConfigError>
         let pose = part.object_from_part.clone().unwrap_or_default().pose()?;
         shape = shape.with(&name, mesh, pose);
     }
-    Ok(shape)
+    Ok(Ground::Body(shape))
 }

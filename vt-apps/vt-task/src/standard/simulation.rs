@@ -7,7 +7,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
 use vt_io::truth::Truth;
-use vt_models::mesh::Shape;
 use vt_sim::camera::{Settings, SimulatedCamera};
 use vt_sim::noise::Noise;
 use vt_sim::scene::{Body, Object, World};
@@ -17,7 +16,7 @@ use crate::geometry::PoseText;
 use crate::language::{FilePath, Picture};
 use crate::quantity::Rate;
 use crate::registry::{Params, Reference, Referent};
-use crate::roles::{Place, SensorContext, SensorProduct, Simulation};
+use crate::roles::{Ground, Place, SensorContext, SensorProduct, Simulation};
 
 /// Parameters of the sensor `simulated`: either a scene (`model`, `path`, `texture`, `others`, `light`, `background`)
 /// or the name of the simulated sensor whose scene it sees too (`scene`).
@@ -243,13 +242,13 @@ fn mismatch(found: String, expected: &str) -> ConfigError {
 fn world(
     p: &Simulated,
     place: Place<'_>,
-    shapes: &BTreeMap<String, Shape>,
+    shapes: &BTreeMap<String, Ground>,
     seed: u64,
 ) -> Result<World, ConfigError> {
     let object = |(k, o): (usize, &ObjectParams)| {
         let shape =
             shapes.get(&o.model).ok_or_else(|| mismatch(format!("model `{}`", o.model), "a model"))?;
-        let mesh = shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces"))?;
+        let mesh = shape.body()?.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces"))?;
         let body = Body::new(mesh, o.texture.texture(place)?, seed.wrapping_add(k as u64));
         Ok(Object { name: o.name().to_owned(), body, path: o.path.path()? })
     };

@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{DefaultAllocator, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::agent::Reinitializer;
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
+use vt_core::manifold::{Alloc, Manifold};
 use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_vision::view_search::{TRUSTED, ViewReinitializer, ViewSearchParams};
 
-use super::init::Sigma;
+use super::init::{Sigma, around};
 use crate::quantity::{Angle, Length, Pixels};
 use crate::registry::{NoParams, Params};
 use crate::roles::{Body, InitContext, ReinitContext, Start};
@@ -101,7 +102,11 @@ fn reinitializer(
         return Err(mismatch("a body with locked degrees of freedom".into(), "a body that is free to move"));
     }
     let camera = *body.camera.ok_or_else(|| mismatch("an uncalibrated sensor".into(), "a calibrated one"))?;
-    let mesh = body.shape.flatten().map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
+    let mesh = body
+        .shape
+        .body()?
+        .flatten()
+        .map_err(|e| mismatch(e.to_string(), "a shape with surfaces or lines"))?;
     let edges = EdgeModel::new(&mesh, &EdgeOptions::default())
         .map_err(|e| mismatch(e.to_string(), "options of an edge model"))?;
     ViewReinitializer::new(body.sensor, Arc::new(mesh), Arc::new(edges), camera, params, sizes_per_frame)
@@ -123,10 +128,10 @@ pub(super) fn auto(p: InitAuto, context: InitContext<'_>) -> Result<Start<SE3>, 
     let anywhere = SE3::from_rotation_vector(&Vector3::zeros(), Vector3::z());
     Ok(match found.into_iter().next() {
         Some(f) => {
-            let design = Some(p.sigma.around(f.pose.mean, &context));
+            let design = Some(around(f.pose.mean, &p.sigma, &context)?);
             Start { prior: f.pose, known: true, design }
         }
-        None => Start { known: false, ..p.sigma.around(anywhere, &context).into() },
+        None => Start { known: false, ..around(anywhere, &p.sigma, &context)?.into() },
     })
 }
 
@@ -142,9 +147,12 @@ pub(super) fn views(
 }
 
 /// Never proposes anything.
-pub(super) fn none(
+pub(super) fn none<P: Manifold>(
     _: NoParams,
-    _: ReinitContext<'_, SE3>,
-) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
+    _: ReinitContext<'_, P>,
+) -> Result<Option<Box<dyn Reinitializer<P>>>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
     Ok(None)
 }

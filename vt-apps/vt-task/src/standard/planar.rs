@@ -1,0 +1,286 @@
+//! Motions of the picture plane: their deviations, motion models and priors.
+
+use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, Matrix3, Point2, U1, Vector2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vt_core::dynamics::{Brownian, ConstantVelocity};
+use vt_core::error::ConfigError;
+use vt_core::lie::{Affine2, PlanarMotion, SE2, SL3, Sim2, TranslationScale, Vector};
+use vt_core::manifold::{Alloc, Tangent};
+use vt_models::outline::Outline;
+
+use super::init::around;
+use crate::quantity::{
+    Angle, AngularDiffusion, AngularSpeed, AngularSpeedDiffusion, PixelDiffusion, PixelSpeed,
+    PixelSpeedDiffusion, Pixels, Share, ShareDiffusion, ShareSpeed, ShareSpeedDiffusion,
+};
+use crate::registry::{NoParams, Params};
+use crate::roles::{Chosen, Deviations, Freedom, InitContext, Motion, Start, StateAlloc};
+
+/// What a coordinate of the tangent does to the plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// Moves it.
+    Shift,
+    /// Turns it.
+    Turn,
+    /// Magnifies it.
+    Scale,
+    /// Stretches or shears it.
+    Shear,
+    /// Tilts it.
+    Tilt,
+}
+
+/// A pose space of flat models, by the meaning of its coordinates.
+pub trait PlanarSpace: PlanarMotion
+where
+    DefaultAllocator: Alloc<Self::D>,
+{
+    /// In tangent order.
+    const AXES: &'static [Axis];
+
+    /// The motion that leaves out of a similarity what this space does not have.
+    fn of(similarity: &Sim2) -> Self;
+}
+
+macro_rules! spaces {
+    ($($space:ty, [$($axis:ident),+], $s:ident => $of:expr;)+) => {$(
+        impl PlanarSpace for $space {
+            const AXES: &'static [Axis] = &[$(Axis::$axis),+];
+            fn of($s: &Sim2) -> Self {
+                $of
+            }
+        }
+    )+};
+}
+
+spaces! {
+    Vector<2>, [Shift, Shift], s => Self(s.translation);
+    TranslationScale, [Shift, Shift, Scale], s => Self::new(s.translation.x, s.translation.y, s.scale);
+    SE2, [Shift, Shift, Turn], s => Self::new(s.translation.x, s.translation.y, s.angle());
+    Sim2, [Shift, Shift, Turn, Scale], s => *s;
+    Affine2, [Shift, Shift, Turn, Scale, Shear, Shear], s => {
+        let m: Matrix3<f64> = s.matrix();
+        Self::from_rows([m.m11, m.m12, m.m13], [m.m21, m.m22, m.m23]).unwrap_or_else(vt_core::lie::LieGroup::identity)
+    };
+    SL3, [Shift, Shift, Turn, Scale, Shear, Shear, Tilt, Tilt], s => {
+        Self::from_matrix(&s.matrix()).unwrap_or_else(vt_core::lie::LieGroup::identity)
+    };
+}
+
+/// Pixels over which a tilt changes the scale by its share.
+const TILTED: f64 = 100.0;
+
+/// Declares one value for each kind of coordinate of a planar pose space.
+macro_rules! values {
+    ($($(#[$doc:meta])* $name:ident: $shift:ty, $turn:ty, $share:ty;)+) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            /// Of each coordinate of the position.
+            pub translation: $shift,
+            /// Of the orientation, where the space has one; none when absent.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub rotation: Option<$turn>,
+            /// Of the scale, where the space has one; none when absent.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub scale: Option<$share>,
+            /// Of stretch and shear, where the space has them; none when absent.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub shear: Option<$share>,
+            /// Of the tilt, where the space has one, as change of scale over 100 px; none when absent.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub tilt: Option<$share>,
+        }
+
+        impl $name {
+            fn optional(&self) -> [(&'static str, Axis, Option<f64>); 4] {
+                [
+                    ("rotation", Axis::Turn, self.rotation.map(|v| v.si())),
+                    ("scale", Axis::Scale, self.scale.map(|v| v.si())),
+                    ("shear", Axis::Shear, self.shear.map(|v| v.si())),
+                    ("tilt", Axis::Tilt, self.tilt.map(|v| v.si() / TILTED)),
+                ]
+            }
+        }
+
+        impl Params for $name {
+            fn check(&self) -> Result<(), ConfigError> {
+                let all = self.optional().into_iter().filter_map(|(key, _, v)| Some((key, v?)));
+                match core::iter::once(("translation", self.translation.si())).chain(all).find(|(_, v)| *v < 0.0) {
+                    Some((key, v)) => Err(ConfigError::parameter(key, v, "zero or a positive value")),
+                    None => Ok(()),
+                }
+            }
+        }
+
+        impl<P: PlanarSpace> Deviations<P> for $name
+        where
+            DefaultAllocator: Alloc<P::D>,
+        {
+            fn tangent(&self) -> Result<Tangent<P>, ConfigError> {
+                let optional = self.optional();
+                let strange = optional.iter().find(|(_, axis, v)| v.is_some() && !P::AXES.contains(axis));
+                if let Some((key, ..)) = strange {
+                    let expected = format!("a coordinate of the pose space {}", P::SPACE);
+                    return Err(ConfigError::parameter(key, format!("`{key}`"), expected));
+                }
+                let value = |axis: Axis| match optional.iter().find(|(_, a, _)| *a == axis) {
+                    Some((_, _, v)) => v.unwrap_or(0.0),
+                    None => self.translation.si(),
+                };
+                let dim = P::D::from_usize(P::AXES.len());
+                Ok(Tangent::<P>::from_fn_generic(dim, U1, |k, _| value(P::AXES[k])))
+            }
+        }
+    )+};
+}
+
+values! {
+    /// Deviations of a pose in the picture plane.
+    PlanarSigma: Pixels, Angle, Share;
+    /// Parameters of the dynamics `brownian` in the picture plane: random walks.
+    PlanarDiffusion: PixelDiffusion, AngularDiffusion, ShareDiffusion;
+    /// White acceleration in the picture plane.
+    PlanarAcceleration: PixelSpeedDiffusion, AngularSpeedDiffusion, ShareSpeedDiffusion;
+    /// Deviations of velocities in the picture plane.
+    PlanarSpeed: PixelSpeed, AngularSpeed, ShareSpeed;
+}
+
+/// Parameters of the dynamics `constant-velocity` in the picture plane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanarVelocity {
+    /// White acceleration.
+    pub acceleration: PlanarAcceleration,
+    /// Deviation of the velocity at the start and after a re-initialisation.
+    pub speed: PlanarSpeed,
+}
+
+impl Params for PlanarVelocity {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.acceleration.check()?;
+        self.speed.check()
+    }
+}
+
+/// All coordinates are free; what has neither uncertainty nor noise keeps its value.
+pub(super) fn warp<P: PlanarSpace>(_: NoParams, _: ()) -> Result<Freedom, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    Ok(Freedom(vec![true; P::AXES.len()]))
+}
+
+pub(super) fn brownian<P: PlanarSpace>(p: PlanarDiffusion, _: &Freedom) -> Result<Motion<P>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    let density: Tangent<P> = Deviations::<P>::tangent(&p)?.map(|s| s * s);
+    Ok(Motion::Pose(Chosen(Box::new(Brownian::new(density)?))))
+}
+
+pub(super) fn velocity<P: PlanarSpace>(p: PlanarVelocity, _: &Freedom) -> Result<Motion<P>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    let density: Tangent<P> = Deviations::<P>::tangent(&p.acceleration)?.map(|s| s * s);
+    Ok(Motion::Moving(
+        Chosen(Box::new(ConstantVelocity::new(density)?)),
+        vec![Deviations::<P>::tangent(&p.speed)?],
+    ))
+}
+
+/// A pose in the picture plane: `x ↦ scale · R(rotation) x + translation`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanarPose {
+    /// Where the origin of the model lies.
+    pub translation: [Pixels; 2],
+    /// From the x axis of the picture to its y axis.
+    #[serde(default)]
+    pub rotation: Angle,
+    /// Pixels for each unit of the model.
+    #[serde(default = "one")]
+    pub scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Parameters of the init `pose` in the picture plane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitPlanar {
+    /// The pose.
+    pub picture_from_object: PlanarPose,
+    /// Its uncertainty.
+    pub sigma: PlanarSigma,
+}
+
+impl Params for InitPlanar {
+    fn check(&self) -> Result<(), ConfigError> {
+        let scale = self.picture_from_object.scale;
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(ConfigError::parameter("picture_from_object.scale", scale, "a positive number"));
+        }
+        self.sigma.check()
+    }
+}
+
+/// Parameters of the init `box`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitBox {
+    /// Left and upper border, width and height.
+    #[serde(rename = "box")]
+    pub bounds: [Pixels; 4],
+    /// Uncertainty of the pose.
+    pub sigma: PlanarSigma,
+}
+
+impl Params for InitBox {
+    fn check(&self) -> Result<(), ConfigError> {
+        if let Some(side) = self.bounds[2..].iter().find(|s| s.si() <= 0.0) {
+            return Err(ConfigError::parameter("box", side, "a positive width and height"));
+        }
+        self.sigma.check()
+    }
+}
+
+pub(super) fn pose<P: PlanarSpace>(p: InitPlanar, context: InitContext<'_>) -> Result<Start<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let PlanarPose { translation: [x, y], rotation, scale } = p.picture_from_object;
+    let pose = P::of(&Sim2::new(x.si(), y.si(), rotation.si(), scale));
+    Ok(around(pose, &p.sigma, &context)?.into())
+}
+
+/// The upright pose whose image of the shape has the centre and, where the space has a scale, the area of the box.
+pub(super) fn on_box<P: PlanarSpace>(p: InitBox, context: InitContext<'_>) -> Result<Start<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let pose = fit(context.body.shape.outline()?, p.bounds.map(|v| v.si()), P::AXES.contains(&Axis::Scale));
+    Ok(around(P::of(&pose), &p.sigma, &context)?.into())
+}
+
+/// The pose that brings the bounds of a shape onto the box `x y width height`, whose first pixel is `(x, y)`.
+pub fn fit(outline: &Outline, [x, y, width, height]: [f64; 4], scaled: bool) -> Sim2 {
+    let [low, high] = outline.bounds();
+    let size = high - low;
+    let scale = if scaled { (width * height / (size.x * size.y)).sqrt() } else { 1.0 };
+    let middle = Point2::from((low.coords + high.coords) / 2.0);
+    // Pixels have their centre at whole coordinates, their borders half a pixel off.
+    let centre = Vector2::new(x + (width - 1.0) / 2.0, y + (height - 1.0) / 2.0);
+    let translation = centre - middle.coords * scale;
+    Sim2::new(translation.x, translation.y, 0.0, scale)
+}
