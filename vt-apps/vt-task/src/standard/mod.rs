@@ -50,6 +50,7 @@ impl Registry {
                 "pictures of a folder or by a numbered pattern",
                 sensor::images,
             ))
+            .with(Method::<Sensors>::new("video", "frames of a video file, read by ffmpeg", sensor::video))
             .with(Method::<Sensors>::new(
                 "simulated",
                 "a drawn scene with known poses",
