@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs the system packages that the tests on real pictures need (Debian and its relatives). The build itself needs
+# Installs the system packages that the tests on real pictures and videos need (Debian and its relatives). The build itself needs
 # none. Safe to run again.
 set -eu
 
-packages="visp-images-data"
+packages="visp-images-data ffmpeg"
 
 if ! command -v apt-get >/dev/null 2>&1 || ! command -v dpkg-query >/dev/null 2>&1; then
     echo "setup: no apt here; for the tests on real pictures install the contents of: $packages"

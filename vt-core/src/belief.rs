@@ -74,6 +74,36 @@ where
         (p, free)
     }
 
+    /// Mean and covariance of this belief in the chart at `x`: there it is `δ ~ N(μ, P)`, to first order about `x` (the
+    /// linearisation of Gauss and Newton), not about the mean.
+    #[inline]
+    pub fn in_chart(&self, x: &M) -> (Tangent<M>, Square<M>) {
+        if M::FLAT {
+            return (x.local(&self.mean), self.covariance.clone());
+        }
+        // x ⊞ δ = mean ⊞ (away + J⁻¹ δ) to first order: the mean lies at δ = −J away.
+        let away = self.mean.local(x);
+        let moved = self.mean.retract_jacobian(&away);
+        let mut covariance = &moved * &self.covariance * moved.transpose();
+        symmetrize(&mut covariance);
+        (-(moved * away), covariance)
+    }
+
+    /// The belief that is `δ ~ N(mean, covariance)` in the chart at `x`, with its covariance moved to the chart at its
+    /// own mean.
+    #[inline]
+    pub fn from_chart(x: &M, mean: &Tangent<M>, covariance: Square<M>) -> Self {
+        let covariance = if M::FLAT {
+            covariance
+        } else {
+            let g = x.retract_jacobian(mean);
+            let mut moved = &g * covariance * g.transpose();
+            symmetrize(&mut moved);
+            moved
+        };
+        Self { mean: x.retract(mean), covariance }
+    }
+
     /// True when the mean and every entry of the covariance are finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
@@ -299,6 +329,30 @@ mod tests {
     use super::*;
     use crate::lie::Vector;
     use nalgebra::{Matrix3, Vector3};
+
+    #[test]
+    fn in_another_chart_a_belief_says_the_same() {
+        use crate::lie::{LieGroup, SE3};
+        use nalgebra::{Matrix6, Vector6};
+        let d = Vector6::new(0.3, -0.2, 0.5, 0.1, -0.4, 0.2);
+        let covariance = Matrix6::from_fn(|r, c| if r == c { 2.0 + r as f64 } else { 0.3 });
+        let belief = Gaussian { mean: SE3::exp(&d), covariance };
+        let x = SE3::exp(&Vector6::new(0.1, 0.2, 0.3, 0.3, 0.2, 0.1));
+        let (delta, spread) = belief.in_chart(&x);
+        assert!((delta - x.local(&belief.mean)).amax() < 1e-14);
+        let there = spread.try_inverse().unwrap();
+        let distance = |e: Vector6<f64>| (e - delta).dot(&(there * (e - delta)));
+        assert!((distance(Vector6::zeros()) - belief.nees(&x).unwrap()).abs() < 1e-13);
+        for k in 0..6 {
+            let e = Vector6::ith(k, 1e-4);
+            let slope = |at: &dyn Fn(Vector6<f64>) -> f64| (at(e) - at(-e)) / 2e-4;
+            let found = slope(&distance);
+            let expected = slope(&|e| belief.nees(&x.retract(&e)).unwrap());
+            assert!((found - expected).abs() < 1e-8, "{k}: {found} {expected}");
+        }
+        let same = Gaussian::from_chart(&belief.mean, &Vector6::zeros(), covariance);
+        assert!(same.mean == belief.mean && (same.covariance - covariance).amax() < 1e-15);
+    }
 
     #[test]
     fn locked_coordinates_say_nothing_in_statistics() {

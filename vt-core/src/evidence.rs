@@ -73,6 +73,57 @@ struct Unit {
     state: State,
 }
 
+impl Unit {
+    fn run(&mut self, frame: &Frame, roi: Option<Roi>) {
+        let outcome = self.processing.run(frame, roi, &mut self.slot);
+        self.state = outcome.map_or_else(State::Failed, |()| State::Fresh);
+    }
+}
+
+/// Units of a step that are still to run; see [`Evidence::pending`].
+pub struct Pending<'a> {
+    frames: &'a [Frame],
+    requests: &'a [(EvidenceKey, Option<Roi>)],
+    units: &'a mut [Unit],
+}
+
+impl<'a> Pending<'a> {
+    fn job(&self, unit: &Unit) -> Option<(&'a Frame, Option<Roi>)> {
+        let key = unit.processing.key();
+        let (_, roi) = self.requests.iter().find(|(wanted, _)| wanted == key)?;
+        let frame = Evidence::find(self.frames, key.sensor).ok()?;
+        matches!(unit.state, State::Stale).then_some((frame, *roi))
+    }
+
+    /// Number of units to run.
+    pub fn count(&self) -> usize {
+        self.units.iter().filter(|unit| self.job(unit).is_some()).count()
+    }
+
+    /// Two parts with about half of the units each.
+    pub fn split(self) -> (Self, Self) {
+        let half = self.count() / 2;
+        let mut seen = 0;
+        let at = self.units.iter().position(|unit| {
+            seen += usize::from(self.job(unit).is_some());
+            seen > half
+        });
+        let (left, right) = self.units.split_at_mut(at.unwrap_or(0));
+        (Self { units: left, ..self }, Self { units: right, ..self })
+    }
+
+    /// Runs them one after the other.
+    pub fn run(self) {
+        let Self { frames, requests, units } = self;
+        for unit in units {
+            let job = Pending { frames, requests, units: &mut [] }.job(unit);
+            if let Some((frame, roi)) = job {
+                unit.run(frame, roi);
+            }
+        }
+    }
+}
+
 /// State of a piece of evidence in this step.
 enum State {
     Stale,
@@ -105,13 +156,18 @@ impl Evidence {
         let frame = Self::find(&self.frames, key.sensor)?;
         let unit = self.units.iter_mut().find(|u| u.processing.key() == key).ok_or_else(|| missing(key))?;
         if matches!(unit.state, State::Stale) {
-            let outcome = unit.processing.run(frame, roi, &mut unit.slot);
-            unit.state = outcome.map_or_else(State::Failed, |()| State::Fresh);
+            unit.run(frame, roi);
         }
         match &unit.state {
             State::Failed(e) => Err(e.clone()),
             _ => Ok(()),
         }
+    }
+
+    /// What of `requests` (each key once) is out of date and has a frame: units that do not depend on each other, to be
+    /// run in any order or at the same time. What cannot be made fails where it is read.
+    pub fn pending<'a>(&'a mut self, requests: &'a [(EvidenceKey, Option<Roi>)]) -> Pending<'a> {
+        Pending { frames: &self.frames, requests, units: &mut self.units }
     }
 
     /// The frame of a sensor.
@@ -194,6 +250,30 @@ mod tests {
         assert!(ev.get::<f64>(&key).is_err());
         ev.prepare(&key, None).unwrap();
         assert_eq!(*ev.get::<f64>(&key).unwrap(), 5.0);
+    }
+
+    #[test]
+    fn pending_units_can_be_split_in_any_way() {
+        let runs = Arc::new(AtomicUsize::new(0));
+        let key = |k: u32| EvidenceKey { sensor: SensorId(k % 2), name: format!("sum {k}").into() };
+        let mut ev = Evidence::default();
+        (0..7).for_each(|k| ev.add(Box::new(Sum(key(k), runs.clone()))));
+        // Not of unit 3, and of a sensor without a frame and a unit that is not there in vain.
+        let requests: Vec<_> = [0, 1, 2, 4, 6, 8].map(|k| (key(k), None)).into();
+        ev.begin([frame(0, vec![1.0, 2.0])]);
+        ev.prepare(&key(2), None).unwrap();
+        let pending = ev.pending(&requests);
+        assert_eq!(pending.count(), 3);
+        let (left, right) = pending.split();
+        assert_eq!((left.count(), right.count()), (1, 2));
+        right.run();
+        let (none, one) = left.split();
+        assert_eq!((none.count(), one.count()), (0, 1));
+        one.run();
+        assert_eq!(runs.load(Ordering::Relaxed), 4);
+        assert_eq!(ev.pending(&requests).count(), 0);
+        assert!([0, 2, 4, 6].iter().all(|k| *ev.get::<f64>(&key(*k)).unwrap() == 3.0));
+        assert!([1, 3, 5, 8].iter().all(|k| ev.get::<f64>(&key(*k)).is_err()));
     }
 
     #[test]

@@ -14,7 +14,7 @@ use vt_core::time::Seconds;
 use crate::congruence::{congruence, mirror};
 use crate::gain::Gain;
 use crate::gaussian_filter::{GaussianFilter, linear_prediction};
-use crate::map::{maximum_a_posteriori, reset};
+use crate::map::maximum_a_posteriori;
 use crate::prior::{at_rest, checked, replaces};
 
 /// Kalman filter for a state `S` with a pose `P` under the dynamics `M`.
@@ -129,9 +129,7 @@ where
         let mut delta = &gain.gain * &nu;
         let mut covariance = gain.joseph(&self.belief.covariance, &h, Some(noise));
         self.keep_considered(&mut delta, &mut covariance);
-        let mean = self.belief.mean.retract(&delta);
-        let covariance = reset(&self.belief.mean, &delta, covariance);
-        let posterior = Gaussian { mean, covariance };
+        let posterior = Gaussian::from_chart(&self.belief.mean, &delta, covariance);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
@@ -185,10 +183,7 @@ where
             innovation.log_evidence -= 0.5 * (nu * nu / s + vt_core::math::ln(s));
         }
         self.keep_considered(&mut delta, &mut p);
-        let posterior = Gaussian {
-            mean: self.belief.mean.retract(&delta),
-            covariance: reset(&self.belief.mean, &delta, p),
-        };
+        let posterior = Gaussian::from_chart(&self.belief.mean, &delta, p);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }

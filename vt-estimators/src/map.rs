@@ -3,7 +3,7 @@
 //! Gauss–Newton on prior and data, Bell and Cathey 1993).
 
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, U1};
-use vt_core::belief::{Gaussian, State, symmetrize};
+use vt_core::belief::{Gaussian, State};
 use vt_core::dynamics::semidefinite_root;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
@@ -97,8 +97,7 @@ where
     if innovation.stop == StopReason::Iterations && cost_at(&x, &mut equations)? > last.cost {
         last.delta.fill(0.0);
     }
-    let covariance = reset(&last.from, &last.delta, last.covariance);
-    Ok((Gaussian { mean: last.from.retract(&last.delta), covariance }, innovation))
+    Ok((Gaussian::from_chart(&last.from, &last.delta, last.covariance), innovation))
 }
 
 /// A Gauss–Newton step from the best point so far.
@@ -142,15 +141,8 @@ where
     DefaultAllocator: Alloc<S::D>,
 {
     fn new(prior: &Gaussian<S>, x: &S) -> Self {
-        if S::FLAT {
-            return Self { mean: x.local(&prior.mean), covariance: prior.covariance.clone() };
-        }
-        // x ⊞ δ = prior ⊞ (away + J⁻¹ δ) to first order: the prior's mean lies at δ = −J away.
-        let away = prior.mean.local(x);
-        let moved = prior.mean.retract_jacobian(&away);
-        let mut covariance = &moved * &prior.covariance * moved.transpose();
-        symmetrize(&mut covariance);
-        Self { mean: -(moved * away), covariance }
+        let (mean, covariance) = prior.in_chart(x);
+        Self { mean, covariance }
     }
 
     fn correct<P: Manifold>(
@@ -193,20 +185,6 @@ where
         }
     }
     y
-}
-
-/// Covariance moved from the chart at `x` to the chart at `x ⊞ δ` (reset of an error-state filter).
-pub(crate) fn reset<S: Manifold>(x: &S, delta: &Tangent<S>, covariance: Square<S>) -> Square<S>
-where
-    DefaultAllocator: Alloc<S::D>,
-{
-    if S::FLAT {
-        return covariance;
-    }
-    let g = x.retract_jacobian(delta);
-    let mut moved = &g * covariance * g.transpose();
-    symmetrize(&mut moved);
-    moved
 }
 
 /// `½ ‖x ⊟ prior‖²`, with `root` that of the prior's covariance; nothing along coordinates without variance.

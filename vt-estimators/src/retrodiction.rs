@@ -25,7 +25,6 @@ use vt_core::time::Seconds;
 use crate::gain::Gain;
 use crate::gaussian_filter::linear_prediction;
 use crate::kalman::fits;
-use crate::map::reset;
 use crate::prior::checked;
 
 /// Whether the noise since a late measurement is estimated.
@@ -121,8 +120,8 @@ where
         vector.rows_generic_mut(0, np).copy_from(&weighted.tr_mul(&nu));
         let (nis, log_det) = gain.surprise(&nu);
         let delta = &gain.gain * &nu;
-        let covariance = reset(&self.belief.mean, &delta, gain.joseph(&self.belief.covariance, &h, noise));
-        let posterior = Gaussian { mean: self.belief.mean.retract(&delta), covariance };
+        let covariance = gain.joseph(&self.belief.covariance, &h, noise);
+        let posterior = Gaussian::from_chart(&self.belief.mean, &delta, covariance);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }
@@ -187,7 +186,7 @@ where
         let mut covariance = p - across * weighted;
         symmetrize(&mut covariance);
         let (nis, log_det) = gain.surprise(&nu);
-        let posterior = Gaussian { mean: mean.retract(&delta), covariance: reset(mean, &delta, covariance) };
+        let posterior = Gaussian::from_chart(mean, &delta, covariance);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }

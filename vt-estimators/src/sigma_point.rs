@@ -34,7 +34,7 @@ use vt_core::time::Seconds;
 use crate::congruence::cholesky;
 use crate::gain::log_det;
 use crate::gaussian_filter::GaussianFilter;
-use crate::map::{maximum_a_posteriori, reset};
+use crate::map::maximum_a_posteriori;
 use crate::prior::{at_rest, checked, replaces};
 
 /// Where sigma points lie and what they weigh; see the [table](self).
@@ -264,8 +264,7 @@ where
         g.l_dirty().solve_lower_triangular_mut(&mut thin);
         let mut covariance = thin.tr_mul(&thin);
         symmetrize(&mut covariance);
-        let covariance = reset(&self.belief.mean, &delta, covariance);
-        let posterior = Gaussian { mean: self.belief.mean.retract(&delta), covariance };
+        let posterior = Gaussian::from_chart(&self.belief.mean, &delta, covariance);
         if !posterior.is_finite() {
             return Err(EstimateError::NotFinite("the corrected state"));
         }

@@ -22,7 +22,6 @@ use vt_core::time::Seconds;
 
 use crate::congruence::{cholesky, congruence, divide_columns};
 use crate::gaussian_filter::GaussianFilter;
-use crate::map::reset;
 
 /// A filter that remembers its steps and smooths them: all of them (RTS), or the last few (fixed lag).
 ///
@@ -163,8 +162,7 @@ where
     let delta = &gain * d;
     spread -= &predicted.covariance;
     let covariance = &filtered.covariance + congruence::<S::D, S::D>(&gain, &spread);
-    let covariance = reset(&filtered.mean, &delta, covariance);
-    let smoothed = Gaussian { mean: filtered.mean.retract(&delta), covariance };
+    let smoothed = Gaussian::from_chart(&filtered.mean, &delta, covariance);
     if smoothed.is_finite() { Ok(smoothed) } else { Err(EstimateError::NotFinite("the smoothed state")) }
 }
 

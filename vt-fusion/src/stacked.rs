@@ -1,12 +1,26 @@
-//! Static fusion: independent measurements of one target become one before the estimator (paper §2; FIELD.md §1.0 X4).
+//! Static fusion: independent measurements of one target become one before the estimator (paper §2).
 //!
 //! Stacking rows, updating one after the other and summing information are the same for linear models and
-//! independent noise; here the information is summed.
+//! independent noise ([`StaticFusion`] names the three).
 
 use nalgebra::DefaultAllocator;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, Manifold};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
+
+/// How several measurements of one target in one step correct its estimator. For linear measurements with independent
+/// noise it does not matter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StaticFusion {
+    /// As one of all rows: [`Stacked`], solved at once. The most exact.
+    #[default]
+    Stacked,
+    /// One after the other, each linearised where the one before left the estimate.
+    Sequential,
+    /// As one pose with the sum of their information, linearised at the prediction:
+    /// [`crate::summed::information_sum`]. The cheapest for many hypotheses.
+    InformationSum,
+}
 
 /// Hypotheses weighed at once.
 const CHUNK: usize = 64;
@@ -72,21 +86,7 @@ where
 
     /// Counts add up; ratios are means over the expected rows.
     fn quality(&self, at: &P) -> Quality {
-        let mut sum = Quality::default();
-        let mut squares = 0.0;
-        for q in self.0.iter().map(|z| z.quality(at)) {
-            let share = q.expected as f64;
-            sum.inlier_ratio += q.inlier_ratio * share;
-            sum.log_ratio += q.log_ratio * share;
-            squares += q.normalized_rms * q.normalized_rms * q.inliers as f64;
-            sum.expected += q.expected;
-            sum.inliers += q.inliers;
-        }
-        let n = (sum.expected as f64).max(1.0);
-        sum.inlier_ratio /= n;
-        sum.log_ratio /= n;
-        sum.normalized_rms = (squares / (sum.inliers as f64).max(1.0)).sqrt();
-        sum
+        together(self.0.iter().map(|z| z.quality(at)))
     }
 
     fn level(&self) -> Level {
@@ -95,4 +95,23 @@ where
             _ => Level::Feature,
         }
     }
+}
+
+/// Figures of several measurements as one.
+pub(crate) fn together(parts: impl Iterator<Item = Quality>) -> Quality {
+    let mut sum = Quality::default();
+    let mut squares = 0.0;
+    for q in parts {
+        let share = q.expected as f64;
+        sum.inlier_ratio += q.inlier_ratio * share;
+        sum.log_ratio += q.log_ratio * share;
+        squares += q.normalized_rms * q.normalized_rms * q.inliers as f64;
+        sum.expected += q.expected;
+        sum.inliers += q.inliers;
+    }
+    let n = (sum.expected as f64).max(1.0);
+    sum.inlier_ratio /= n;
+    sum.log_ratio /= n;
+    sum.normalized_rms = (squares / (sum.inliers as f64).max(1.0)).sqrt();
+    sum
 }

@@ -11,11 +11,13 @@ use vt_core::frame::{Roi, SensorId};
 use vt_core::least_squares::Spectrum;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Tangent};
 use vt_core::measurement::{Measurement, Modality, NormalEquations};
-use vt_core::report::{Assessment, BeliefRecord, Status, StepReport};
+use vt_core::report::{Assessment, BeliefRecord, Innovation, Status, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
 
-use crate::stacked::Stacked;
+use crate::stacked::{Stacked, StaticFusion};
+use crate::summed::information_sum;
+use crate::tracks::one_after_the_other;
 
 /// A target, or a group of targets that share detections, whatever its pose space: the one erasure of the loop.
 pub trait AnyTarget: Send {
@@ -80,6 +82,7 @@ where
     modalities: Vec<Box<dyn Modality<P>>>,
     /// Whether each modality gave a measurement in this step.
     seen: Vec<bool>,
+    fusion: StaticFusion,
     estimator: Box<dyn Estimator<P>>,
     loss: Box<dyn LossDetector>,
     reinitializer: Option<Box<dyn Reinitializer<P>>>,
@@ -114,6 +117,7 @@ where
             sensors,
             seen: vec![false; modalities.len()],
             modalities,
+            fusion: StaticFusion::default(),
             estimator,
             loss,
             reinitializer,
@@ -132,6 +136,12 @@ where
         Self { status: Status::Lost, ..self }
     }
 
+    /// The same target with another way from several measurements to one correction.
+    #[must_use]
+    pub fn with_fusion(self, fusion: StaticFusion) -> Self {
+        Self { fusion, ..self }
+    }
+
     /// The estimator.
     pub fn estimator(&self) -> &dyn Estimator<P> {
         self.estimator.as_ref()
@@ -140,7 +150,7 @@ where
     /// Corrects with a measurement made elsewhere (a detection), then assesses; for targets without modalities.
     pub(crate) fn correct_with(&mut self, z: Option<&dyn Measurement<P>>, report: &mut StepReport) {
         let figures = match z {
-            Some(z) => Self::correct(self.estimator.as_mut(), &self.scale, z, report),
+            Some(z) => Self::correct(self.estimator.as_mut(), self.fusion, &self.scale, &[z], report),
             None => self.unmeasured(),
         };
         self.conclude(figures, report);
@@ -177,20 +187,32 @@ where
 
     fn correct(
         estimator: &mut dyn Estimator<P>,
+        fusion: StaticFusion,
         scale: &Tangent<P>,
-        z: &dyn Measurement<P>,
+        parts: &[&dyn Measurement<P>],
         report: &mut StepReport,
     ) -> Assessment {
         let start = Instant::now();
-        let innovation = estimator.correct(z);
+        let stack = Stacked(parts);
+        let whole: &dyn Measurement<P> = if let [one] = parts { *one } else { &stack };
+        let sum =
+            (fusion == StaticFusion::InformationSum).then(|| information_sum(parts, &estimator.pose().mean));
+        let at_once = [sum.as_ref().map_or(whole, |z| z as _)];
+        let list = if fusion == StaticFusion::Sequential { parts } else { &at_once };
+        let (mut innovation, mut failed) = (None::<Innovation>, None);
+        for z in list {
+            match estimator.correct(*z) {
+                Ok(new) => innovation = Some(innovation.map_or(new, |sum| one_after_the_other(sum, new))),
+                Err(e) => failed = Some(e),
+            }
+        }
         report.timings.correct = nanoseconds(start);
         let pose = estimator.pose();
-        match &innovation {
-            Ok(_) => unobservable(z, &pose, scale, &mut report.unobservable),
-            Err(e) => note(report, e),
+        match failed {
+            None => unobservable(whole, &pose, scale, &mut report.unobservable),
+            Some(e) => note(report, e),
         }
-        let innovation = innovation.ok();
-        let quality = Some(z.quality(&pose.mean));
+        let quality = Some(whole.quality(&pose.mean));
         Assessment { quality, innovation, log_det: pose.scaled_log_det(scale) }
     }
 
@@ -223,12 +245,8 @@ where
             }
             count += 1;
         }
-        let estimator = self.estimator.as_mut();
-        match (count, many.as_slice()) {
-            (1, _) => Self::correct(estimator, &self.scale, first, report),
-            (_, []) => Self::correct(estimator, &self.scale, &Stacked(&few[..count]), report),
-            (_, all) => Self::correct(estimator, &self.scale, &Stacked(all), report),
-        }
+        let parts = if many.is_empty() { &few[..count] } else { many.as_slice() };
+        Self::correct(self.estimator.as_mut(), self.fusion, &self.scale, parts, report)
     }
 
     fn conclude(&mut self, figures: Assessment, report: &mut StepReport) {
@@ -255,6 +273,13 @@ where
             self.trusted = pose;
         }
         report.timings.assess = nanoseconds(start);
+    }
+
+    /// Draws what was seen, with the model at `pose`.
+    pub(crate) fn sketch_at(&self, pose: &P, out: &mut Vec<Mark>) {
+        for modality in &self.modalities {
+            modality.sketch(pose, out);
+        }
     }
 
     fn forget(&mut self) {
@@ -393,10 +418,7 @@ where
     }
 
     fn sketch(&self, _: usize, out: &mut Vec<Mark>) {
-        let pose = self.estimator.pose().mean;
-        for modality in &self.modalities {
-            modality.sketch(&pose, out);
-        }
+        self.sketch_at(&self.estimator.pose().mean, out);
     }
 }
 
@@ -429,7 +451,7 @@ fn unobservable<P: Manifold>(
 }
 
 /// Adds a failure to those of this step, once.
-fn note(report: &mut StepReport, failure: impl core::fmt::Display) {
+pub(crate) fn note(report: &mut StepReport, failure: impl core::fmt::Display) {
     let failure = failure.to_string();
     match &mut report.failure {
         Some(all) if all.contains(&failure) => {}

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use vt_core::agent::Step;
 use vt_core::error::EstimateError;
-use vt_core::evidence::{Evidence, EvidenceKey, Processing};
+use vt_core::evidence::{Evidence, EvidenceKey, Pending, Processing};
 use vt_core::frame::{Frame, Roi};
 use vt_core::report::{BeliefRecord, StepReport};
 use vt_core::sketch::Mark;
@@ -58,10 +58,7 @@ impl TrackingLoop {
             target.requests(&mut self.requests);
         }
         merge(&mut self.requests);
-        for (key, region) in &self.requests {
-            // What cannot be made (no frame in this step, a picture that does not fit) fails where it is read.
-            let _ = self.evidence.prepare(key, *region);
-        }
+        run(self.evidence.pending(&self.requests));
         let evidence = &self.evidence;
         match self.targets.as_mut_slice() {
             [only] => only.update(evidence, &mut self.reports),
@@ -97,9 +94,7 @@ impl TrackingLoop {
             self.requests.clear();
             target.requests(&mut self.requests);
             merge(&mut self.requests);
-            for (key, region) in &self.requests {
-                let _ = self.evidence.prepare(key, *region);
-            }
+            run(self.evidence.pending(&self.requests));
             target.learn(index, &self.evidence);
             return Ok(());
         }
@@ -126,6 +121,16 @@ impl TrackingLoop {
             index -= target.count();
         }
     }
+}
+
+/// Runs units of image processing at the same time. Each fills a buffer of its own, so that nothing depends on their
+/// order; no heap is touched.
+fn run(pending: Pending<'_>) {
+    if pending.count() < 2 {
+        return pending.run();
+    }
+    let (left, right) = pending.split();
+    rayon::join(|| run(left), || run(right));
 }
 
 /// One entry a key, with a region that holds all regions asked for.

@@ -18,3 +18,4 @@ pub mod steps;
 pub mod summary;
 pub mod timestamps;
 pub mod truth;
+pub mod video;

@@ -10,8 +10,10 @@ use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
 use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Tangent};
+use vt_core::measurement::Modality;
 use vt_core::report::{Assessment, Verdict};
-use vt_fusion::{AnyTarget, Target, TrackingLoop};
+use vt_fusion::tracks::{BarShalomCampo, EquivalentMeasurements, Intersection, TrackFusion};
+use vt_fusion::{AnyTarget, FusedTarget, Target, TrackingLoop};
 use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
@@ -25,9 +27,10 @@ use crate::node::Node;
 use crate::reader::ReadError;
 use crate::registry::{Registry, Role};
 use crate::roles::{
-    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, Fusions, Ground,
-    InitContext, Inits, Losses, Modalities, ModalityContext, Motions, OutputContext, Outputs, Place,
-    ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TruthContext, Truths, Warps,
+    AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, FusionProduct, Fusions,
+    Ground, InitContext, Inits, Losses, Modalities, ModalityContext, Motion, Motions, OutputContext, Outputs,
+    Place, ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TrackRule,
+    TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -281,7 +284,7 @@ where
     let sensor_of = |name: &str| task.sensors.iter().position(|s| s.name == name).unwrap_or(0);
 
     let mut sensors = vec![];
-    let mut modalities = vec![];
+    let mut modalities: Vec<(SensorId, Box<dyn Modality<P>>)> = vec![];
     let mut processing = vec![];
     for (k, modality) in section.modalities.iter().enumerate() {
         let index = sensor_of(&modality.sensor);
@@ -300,7 +303,7 @@ where
         if !sensors.contains(&context.sensor) {
             sensors.push(context.sensor);
         }
-        modalities.push(built.modality);
+        modalities.push((context.sensor, built.modality));
         processing.extend(built.processing);
     }
 
@@ -328,24 +331,32 @@ where
         known = true;
     }
     let motion =
-        registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom)?;
-    let context =
-        EstimatorContext { motion, prior: prior.clone(), seed: task.seed.into(), target: c.index as u64 };
-    let estimator =
-        registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)?;
-    let loss = c.optional::<Losses>("loss", ())?.unwrap_or_else(|| Box::new(NeverLost));
-    let context = ReinitContext { prior: known.then_some(&prior), body };
-    let reinitializer = match section.reinit {
-        Some(_) => c.optional::<Reinits<P>>("reinit", context)?.flatten(),
-        // Where the method that is meant does not fit the body, a lost target coasts.
-        None if section.loss.is_some() => {
-            let method = registry.method::<Reinits<P>>(DEFAULT_REINIT);
-            let node = Node::empty(document.root().span);
-            method.and_then(|m| m.build(&node, context).ok()).flatten()
-        }
-        None => None,
+        || registry.build::<Motions<P>>(node(document, &format!("models.{model}.dynamics"))?, &freedom);
+    // Tracks of one target draw random numbers of their own.
+    let estimator = |track: usize| {
+        let target = c.index as u64 | (track as u64) << 32;
+        let context =
+            EstimatorContext { motion: motion()?, prior: prior.clone(), seed: task.seed.into(), target };
+        registry.build::<Estimators<P>>(node(document, &format!("{path}.estimator"))?, context)
     };
-    c.optional::<Fusions>("fusion", ())?;
+    let loss = || {
+        let loss: Option<Box<dyn LossDetector>> = c.optional::<Losses>("loss", ())?;
+        Ok::<_, ReadError>(loss.unwrap_or_else(|| Box::new(NeverLost)))
+    };
+    let reinitializer = || {
+        let context = ReinitContext { prior: known.then_some(&prior), body };
+        Ok::<_, ReadError>(match section.reinit {
+            Some(_) => c.optional::<Reinits<P>>("reinit", context)?.flatten(),
+            // Where the method that is meant does not fit the body, a lost target coasts.
+            None if section.loss.is_some() => {
+                let method = registry.method::<Reinits<P>>(DEFAULT_REINIT);
+                let node = Node::empty(document.root().span);
+                method.and_then(|m| m.build(&node, context).ok()).flatten()
+            }
+            None => None,
+        })
+    };
+    let fusion = c.optional::<Fusions>("fusion", ())?;
 
     // The spread of an estimate is judged against that of the prior or
     // what the init says; a locked coordinate is judged against 1.
@@ -354,8 +365,63 @@ where
         let deviation = design.as_ref().unwrap_or(&prior).covariance[(k, k)].sqrt();
         if deviation > 0.0 { deviation } else { 1.0 }
     });
-    let target =
-        Target::new(section.name.clone(), sensors, modalities, estimator, loss, reinitializer, scale);
-    let target = if known { target } else { target.beginning_lost() };
-    Ok(BuiltTarget { target: Box::new(target), processing })
+    let track = |name: String, sensors, modalities, number| {
+        let target = Target::new(
+            name,
+            sensors,
+            modalities,
+            estimator(number)?,
+            loss()?,
+            reinitializer()?,
+            scale.clone(),
+        );
+        Ok::<_, ReadError>(if known { target } else { target.beginning_lost() })
+    };
+    let name = section.name.clone();
+    let target: Box<dyn AnyTarget> = match fusion {
+        Some(FusionProduct::Dynamic { rule, feedback }) => {
+            let at = node(document, &format!("{path}.fusion"))?;
+            let wrong = |e| crate::registry::located(e, at);
+            let count = modalities.len();
+            let rule: Box<dyn TrackFusion<P>> = match rule {
+                TrackRule::Intersection(criterion) => Box::new(Intersection::new(criterion)),
+                TrackRule::EquivalentMeasurements => Box::new(EquivalentMeasurements::new(estimator(count)?)),
+                TrackRule::BarShalomCampo => match (motion()?, count) {
+                    (Motion::Pose(motion), 2) => Box::new(BarShalomCampo::new(motion.0, &prior)),
+                    (Motion::Pose(_), _) => {
+                        let found = format!("{count} modalities");
+                        return Err(wrong(ConfigError::Mismatch {
+                            found,
+                            expected: "two modalities".into(),
+                        }));
+                    }
+                    _ => {
+                        let found = "dynamics with a velocity".into();
+                        let expected = "dynamics of the pose alone, such as `brownian`".into();
+                        return Err(wrong(ConfigError::Mismatch { found, expected }));
+                    }
+                },
+            };
+            let tracks = modalities
+                .into_iter()
+                .enumerate()
+                .map(|(k, (sensor, modality))| track(format!("{name}-{k}"), vec![sensor], vec![modality], k));
+            let tracks = tracks.collect::<Result<Vec<_>, _>>()?;
+            let fused = FusedTarget::new(name.clone(), tracks, rule, scale.clone());
+            let fused = fused.map_err(|e| {
+                wrong(ConfigError::Mismatch {
+                    found: e.to_string(),
+                    expected: "tracks that can be fused".into(),
+                })
+            })?;
+            Box::new(if feedback { fused.with_feedback() } else { fused })
+        }
+        one => {
+            let fusion =
+                if let Some(FusionProduct::Static(fusion)) = one { fusion } else { Default::default() };
+            let modalities = modalities.into_iter().map(|(_, modality)| modality).collect();
+            Box::new(track(name, sensors, modalities, 0)?.with_fusion(fusion))
+        }
+    };
+    Ok(BuiltTarget { target, processing })
 }

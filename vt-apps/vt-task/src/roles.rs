@@ -19,6 +19,8 @@ use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, AllocPair, Coordinates, Manifold, Square, Tangent};
 use vt_core::measurement::Modality;
 use vt_core::time::Seconds;
+use vt_fusion::stacked::StaticFusion;
+use vt_fusion::tracks::Criterion;
 use vt_io::boxes::Bounds;
 use vt_io::report::Header;
 use vt_io::summary::Summary;
@@ -227,12 +229,31 @@ impl Freedom {
     }
 }
 
-/// How several measurements of a target become one.
+/// How several modalities of a target become one estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FusionProduct {
-    /// Independent measurements are stacked before the estimator.
-    Stacked,
+    /// Measurements are fused before the estimator.
+    Static(StaticFusion),
+    /// Each modality has an estimator of its own, and their tracks are fused.
+    Dynamic {
+        /// How.
+        rule: TrackRule,
+        /// Whether a track that is lost starts again at the fused pose.
+        feedback: bool,
+    },
+}
+
+/// How tracks are fused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TrackRule {
+    /// Covariance intersection.
+    Intersection(Criterion),
+    /// Best linear combination of two tracks.
+    BarShalomCampo,
+    /// A central filter of what the tracks learn.
+    EquivalentMeasurements,
 }
 
 /// A modality with the processing units that it asks for.

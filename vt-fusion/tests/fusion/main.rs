@@ -1,5 +1,6 @@
 //! Fusion of measurements and the tracking loop, on sensors that deliver numbers.
 
+mod fused;
 mod groups;
 mod loops;
 mod losses;
@@ -7,3 +8,4 @@ mod observability;
 mod placed;
 mod sensors;
 mod static_fusion;
+mod tracks;

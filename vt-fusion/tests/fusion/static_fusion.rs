@@ -1,18 +1,21 @@
 //! Stacking, updating one after the other and summing information are one on linear problems.
 
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector6};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use vt_core::belief::Gaussian;
 use vt_core::laws::{MeasurementTolerance, check_measurement, for_each};
 use vt_core::lie::{DynVector, LieGroup, SE3};
 use vt_core::manifold::{Manifold, Square};
-use vt_core::measurement::{Level, Linearized, Measurement, Quality};
+use vt_core::measurement::{Level, Linearized, Measurement, Modality, Quality};
 use vt_core::pose_measurement::PoseMeasurement;
+use vt_core::report::StepReport;
 use vt_estimators::map::maximum_a_posteriori;
-use vt_fusion::stacked::Stacked;
+use vt_fusion::TrackingLoop;
+use vt_fusion::stacked::{Stacked, StaticFusion};
+use vt_fusion::summed::information_sum;
 
-use crate::sensors::{SUPPORTED, random};
+use crate::sensors::{Direct, Plane, SUPPORTED, filter, frame, random, target};
 
 proptest! {
     #![proptest_config(ProptestConfig {
@@ -46,6 +49,9 @@ proptest! {
         }
         prop_assert!((at_once.log_evidence - log_evidence).abs() < 1e-9 * (1.0 + log_evidence.abs()));
 
+        let summed = information_sum(&list, &prior.mean);
+        let (summed, _) = maximum_a_posteriori(&prior, &summed, 1).expect("finite");
+
         let mut information = prior.covariance.clone().try_inverse().expect("regular");
         let mut vector: DVector<f64> = &information * &prior.mean.0;
         for z in &parts {
@@ -53,9 +59,48 @@ proptest! {
             vector += z.information() * &z.pose().0;
         }
         let covariance = information.try_inverse().expect("regular");
-        for (mean, spread) in [(&sequential.mean.0, &sequential.covariance), (&(&covariance * vector), &covariance)] {
+        let closed = &covariance * vector;
+        let others = [
+            (&sequential.mean.0, &sequential.covariance),
+            (&summed.mean.0, &summed.covariance),
+            (&closed, &covariance),
+        ];
+        for (mean, spread) in others {
             prop_assert!((&stacked.mean.0 - mean).amax() < 1e-9, "{} {mean}", stacked.mean.0);
             prop_assert!((&stacked.covariance - spread).amax() < 1e-9, "{} {spread}", stacked.covariance);
+        }
+    }
+}
+
+/// In a target it does not matter in which of the three ways several modalities correct it, as long as all is linear.
+#[test]
+fn targets_fuse_in_three_ways() {
+    let run = |fusion| {
+        let modalities = || -> Vec<Box<dyn Modality<Plane>>> {
+            let partial = Matrix2::new(30.0, 10.0, 10.0, 10.0 / 3.0);
+            [Matrix2::identity() * 4.0, partial, Matrix2::zeros()]
+                .map(|information| Box::new(Direct::new(0, information)) as Box<dyn Modality<Plane>>)
+                .into()
+        };
+        let one = target("one", &[0], modalities(), filter(0.0, 0.0), None).with_fusion(fusion);
+        let mut tracker = TrackingLoop::new(vec![Box::new(one)]);
+        let steps = (0..10_i32).map(|k| {
+            let z = vec![0.1 * f64::from(k), -0.05 * f64::from(k)];
+            tracker.step([frame(0, 100 * i64::from(k), z)]).expect("a step")[0].clone()
+        });
+        steps.collect::<Vec<_>>()
+    };
+    let stacked = run(StaticFusion::Stacked);
+    for other in [StaticFusion::Sequential, StaticFusion::InformationSum] {
+        for (a, b) in stacked.iter().zip(run(other)) {
+            let numbers = |r: &StepReport| [&r.posterior.coordinates[..], &r.posterior.covariance].concat();
+            let difference =
+                numbers(a).iter().zip(numbers(&b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(difference < 1e-9, "{other:?}: {difference}");
+            assert_eq!((a.assessment.quality, &a.verdict.status), (b.assessment.quality, &b.verdict.status));
+            // The data agree with each other, so that the prediction is all there is to be surprised at.
+            let [a, b] = [a, &b].map(|r| r.assessment.innovation.expect("corrected").nis);
+            assert!((a - b).abs() < 1e-9, "{other:?}: {a} {b}");
         }
     }
 }

@@ -6,6 +6,7 @@ pub mod contour;
 pub mod edges;
 pub mod estimator;
 pub mod flat;
+pub mod fusion;
 pub mod init;
 pub mod loss;
 pub mod motion;
@@ -30,9 +31,8 @@ use crate::language::Level::{Feature, Object, Pixel};
 use crate::language::Picture;
 use crate::registry::{Method, NoParams, Registry};
 use crate::roles::{
-    AppearanceProduct, Appearances, Association, AssociationProduct, Deviations, Estimators, FusionProduct,
-    Fusions, Inits, Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, StateAlloc,
-    Truths, Warps,
+    AppearanceProduct, Appearances, Association, AssociationProduct, Deviations, Estimators, Fusions, Inits,
+    Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, StateAlloc, Truths, Warps,
 };
 
 impl Registry {
@@ -51,6 +51,7 @@ impl Registry {
                 "pictures of a folder or by a numbered pattern",
                 sensor::images,
             ))
+            .with(Method::<Sensors>::new("video", "frames of a video file, read by ffmpeg", sensor::video))
             .with(Method::<Sensors>::new(
                 "simulated",
                 "a drawn scene with known poses",
@@ -119,8 +120,52 @@ impl Registry {
                     .calibrated(),
             )
             .with(
-                Method::<Fusions>::new("stacked", "static: independent measurements are stacked", stacked)
-                    .levels(&[Pixel, Feature, Object]),
+                Method::<Fusions>::new(
+                    "stacked",
+                    "static: independent measurements are stacked",
+                    fusion::stacked,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "sequential",
+                    "static: one measurement after the other",
+                    fusion::sequential,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "information-sum",
+                    "static: one pose with the sum of information, linearised at the prediction",
+                    fusion::information_sum,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "intersection",
+                    "dynamic: a track for each modality; covariance intersection",
+                    fusion::intersection,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "bar-shalom-campo",
+                    "dynamic: a track for each of two modalities; best combination, motions of the pose alone",
+                    fusion::bar_shalom_campo,
+                )
+                .levels(&[Pixel, Feature, Object]),
+            )
+            .with(
+                Method::<Fusions>::new(
+                    "equivalent-measurements",
+                    "dynamic: a track for each modality; a central filter of what they learn",
+                    fusion::equivalent_measurements,
+                )
+                .levels(&[Pixel, Feature, Object]),
             )
             .with(Method::<Losses>::new(
                 "fused",
@@ -168,10 +213,6 @@ impl Registry {
 
 fn unknown(_: NoParams, _: Place<'_>) -> Result<AppearanceProduct, ConfigError> {
     Ok(AppearanceProduct::Unknown)
-}
-
-fn stacked(_: NoParams, _: ()) -> Result<FusionProduct, ConfigError> {
-    Ok(FusionProduct::Stacked)
 }
 
 fn one_to_one(_: NoParams, _: ()) -> Result<AssociationProduct, ConfigError> {

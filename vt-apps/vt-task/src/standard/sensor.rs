@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
 use vt_io::images::{self, Conversion, Files, ImageSequence, Times};
+use vt_io::video::{Settings, Video};
 
 use crate::language::{FilePath, Picture};
 use crate::quantity::Rate;
@@ -72,9 +73,7 @@ impl Params for Images {
             let found = if self.rate.is_some() { "beside `timestamps`" } else { "missing" };
             return Err(ConfigError::parameter("rate", found, "either `rate` or `timestamps`"));
         }
-        if let Some(rate) = self.rate.filter(|r| !(1e-6..=1e6).contains(&r.si())) {
-            return Err(ConfigError::parameter("rate", rate, "a positive rate from 1e-6 Hz to 1 MHz"));
-        }
+        check_rate(self.rate)?;
         if self.step == 0 {
             return Err(ConfigError::parameter("step", 0, "a step from 1"));
         }
@@ -98,6 +97,66 @@ impl Params for Images {
     }
 }
 
+/// Parameters of the sensor `video`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VideoParams {
+    /// Video file, of any format that the program `ffmpeg` reads.
+    pub file: FilePath,
+    /// Frames per second; without it the times that the file says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<Rate>,
+    /// Number of the first frame; those of a file count from 0.
+    #[serde(default)]
+    pub start: u64,
+    /// Number of frames at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u64>,
+}
+
+impl Params for VideoParams {
+    fn check(&self) -> Result<(), ConfigError> {
+        check_rate(self.rate)?;
+        match self.frames {
+            Some(0) => Err(ConfigError::parameter("frames", 0, "at least 1 frame")),
+            _ => Ok(()),
+        }
+    }
+
+    fn files(&self) -> Vec<(String, FilePath)> {
+        vec![("file".into(), self.file.clone())]
+    }
+}
+
+/// Builds the sensor `video`.
+pub(super) fn video(p: VideoParams, context: SensorContext<'_>) -> Result<SensorProduct, ConfigError> {
+    let settings = Settings {
+        rate: p.rate.map(|r| r.si()),
+        start: p.start,
+        frames: p.frames,
+        conversion: conversion(context.section.picture),
+        size: context.section.camera.as_ref().map(|c| c.size),
+        ..Settings::default()
+    };
+    let sensor = Video::open(context.id, &context.place.resolve(&p.file), settings)
+        .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable video".into() })?;
+    Ok(SensorProduct { sensor: Box::new(sensor), truth: None })
+}
+
+fn conversion(picture: Picture) -> Conversion {
+    match picture {
+        Picture::Grey => Conversion::Grey,
+        Picture::Colour => Conversion::Rgb,
+    }
+}
+
+fn check_rate(rate: Option<Rate>) -> Result<(), ConfigError> {
+    match rate.filter(|r| !(1e-6..=1e6).contains(&r.si())) {
+        Some(rate) => Err(ConfigError::parameter("rate", rate, "a positive rate from 1e-6 Hz to 1 MHz")),
+        None => Ok(()),
+    }
+}
+
 /// Builds the sensor `images`.
 pub(super) fn images(p: Images, context: SensorContext<'_>) -> Result<SensorProduct, ConfigError> {
     let files = match (&p.pattern, &p.folder) {
@@ -117,10 +176,7 @@ pub(super) fn images(p: Images, context: SensorContext<'_>) -> Result<SensorProd
         Order::Forward => images::Order::Forward,
         Order::PingPong => images::Order::PingPong,
     };
-    let conversion = match context.section.picture {
-        Picture::Grey => Conversion::Grey,
-        Picture::Colour => Conversion::Rgb,
-    };
+    let conversion = conversion(context.section.picture);
     let size = context.section.camera.as_ref().map(|c| c.size);
     let sensor = ImageSequence::open(context.id, &files, order, &times, conversion, size)
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "readable pictures".into() })?;
