@@ -311,7 +311,7 @@ where
         } else {
             // The measurement may still hold the picture of the frame before.
             self.likelihood.picture = Arc::default();
-            grey_of(frame, self.pictures.next())?;
+            grey_of(frame, self.pictures.turn())?;
             self.likelihood.picture = self.pictures.now().clone();
         }
         self.seen = !self.likelihood.levels.is_empty() || self.likelihood.learn(&prior.mean);
