@@ -1,4 +1,4 @@
-//! The modality `contour`: a flat outline against the edges of the picture.
+//! The modalities `contour` and `chamfer`: a flat outline against the edges of the picture.
 
 use nalgebra::DefaultAllocator;
 use schemars::JsonSchema;
@@ -7,7 +7,7 @@ use vt_core::error::ConfigError;
 use vt_core::manifold::Alloc;
 use vt_models::warp::PlanarWarp;
 use vt_vision::canny::{CannyParams, Norm, Thresholds};
-use vt_vision::contour::{ContourModality, ContourParams, MOST_SAMPLES};
+use vt_vision::contour::{ChamferModality, ChamferParams, ContourModality, ContourParams, MOST_SAMPLES};
 use vt_vision::gaussian::Gaussian;
 
 use super::edges::{Hypotheses, pixels};
@@ -96,12 +96,16 @@ impl Contour {
     }
 }
 
+fn samples(count: usize) -> Result<(), ConfigError> {
+    if (3..=MOST_SAMPLES).contains(&count) {
+        return Ok(());
+    }
+    Err(ConfigError::parameter("samples", count, format!("3 to {MOST_SAMPLES} points")))
+}
+
 impl Params for Contour {
     fn check(&self) -> Result<(), ConfigError> {
-        if !(3..=MOST_SAMPLES).contains(&self.samples) {
-            let expected = format!("3 to {MOST_SAMPLES} points");
-            return Err(ConfigError::parameter("samples", self.samples, expected));
-        }
+        samples(self.samples)?;
         self.canny.params(Picture::Grey)?;
         self.params().map(drop)
     }
@@ -118,6 +122,62 @@ where
     let canny = p.canny.params(context.picture)?;
     let warp = PlanarWarp::<P>::default();
     let modality = ContourModality::new(p.params()?, canny, context.sensor, warp, contour)?;
+    let processing = Box::new(modality.processing());
+    Ok(ModalityProduct { modality: Box::new(modality), processing: vec![processing] })
+}
+
+/// Parameters of the modality `chamfer`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Chamfer {
+    /// Points along the outline.
+    pub samples: usize,
+    /// Distance of an edge from the contour, as a standard deviation.
+    pub sigma: Pixels,
+    /// Sine of the angle between contour and edge, as a standard deviation.
+    pub angle: f64,
+    /// Deviations at which a point counts as without an edge.
+    pub truncation: f64,
+    /// Divisor of the log-likelihood; an eighth of the number of samples when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<f64>,
+    /// Edges of the picture.
+    pub canny: Canny,
+}
+
+impl Default for Chamfer {
+    fn default() -> Self {
+        let ChamferParams { sigma, angle, truncation, temperature } = ChamferParams::default();
+        Self { samples: 60, sigma: pixels(sigma), angle, truncation, temperature, canny: Canny::default() }
+    }
+}
+
+impl Chamfer {
+    fn params(&self) -> Result<ChamferParams, ConfigError> {
+        let Self { angle, truncation, temperature, .. } = *self;
+        ChamferParams { sigma: self.sigma.si(), angle, truncation, temperature }.check()
+    }
+}
+
+impl Params for Chamfer {
+    fn check(&self) -> Result<(), ConfigError> {
+        samples(self.samples)?;
+        self.canny.params(Picture::Grey)?;
+        self.params().map(drop)
+    }
+}
+
+pub(super) fn chamfer<P: PlanarSpace>(
+    p: Chamfer,
+    context: ModalityContext<'_>,
+) -> Result<ModalityProduct<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let contour = context.shape.outline()?.sample(p.samples);
+    let canny = p.canny.params(context.picture)?;
+    let warp = PlanarWarp::<P>::default();
+    let modality = ChamferModality::new(p.params()?, canny, context.sensor, warp, contour)?;
     let processing = Box::new(modality.processing());
     Ok(ModalityProduct { modality: Box::new(modality), processing: vec![processing] })
 }

@@ -1,13 +1,13 @@
 //! The methods of this project; adding one is one line here.
 
 pub mod bodies;
-pub mod color;
 pub mod contour;
 pub mod edges;
 pub mod estimator;
 pub mod flat;
 pub mod fusion;
 pub mod init;
+pub mod looks;
 pub mod loss;
 pub mod motion;
 pub mod output;
@@ -299,7 +299,19 @@ where
                 .levels(&[Pixel]),
         )
         .with(
-            Method::<Modalities<P>>::new("color", "colour histograms under a kernel", color::color::<P>)
+            Method::<Modalities<P>>::new(
+                "chamfer",
+                "outline against the nearest edges",
+                contour::chamfer::<P>,
+            )
+            .levels(&[Pixel]),
+        )
+        .with(
+            Method::<Modalities<P>>::new("template", "correlation of grey levels", looks::template::<P>)
+                .levels(&[Pixel]),
+        )
+        .with(
+            Method::<Modalities<P>>::new("color", "colour histograms under a kernel", looks::color::<P>)
                 .levels(&[Pixel])
                 .picture(Picture::Colour),
         )
