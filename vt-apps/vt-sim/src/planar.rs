@@ -23,8 +23,10 @@ use crate::texture::Colour;
 pub struct PlanarScene {
     /// Closed polygons in the units of the shape; what lies inside an odd number of them is filled.
     pub loops: Vec<Vec<Point2<f64>>>,
-    /// Colours of the shape, 0 to 1, in horizontal stripes of equal height.
+    /// Colours of the shape, 0 to 1, by rows of equal cells.
     pub colours: Vec<Colour>,
+    /// Cells in a row, at least 1.
+    pub columns: u32,
     /// Picture of the shape's start, `picture_from_shape`, pixels.
     pub start: Sim2,
     /// Deviations of its steps: x, y (pixels), angle (radians), logarithm of the scale.
@@ -123,8 +125,10 @@ impl PlanarCamera {
         let scene = &self.scene;
         let loops: Vec<Vec<Point2<f64>>> =
             scene.loops.iter().map(|l| l.iter().map(|p| pose.act(p)).collect()).collect();
-        let heights = scene.loops.iter().flatten().map(|p| p.y);
-        let [low, high] = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], y| [a.min(y), b.max(y)]);
+        let none = Point2::new(f64::INFINITY, f64::INFINITY);
+        let (low, high) = scene.loops.iter().flatten().fold((none, -none), |(a, b), p| (a.inf(p), b.sup(p)));
+        let columns = (scene.columns.max(1) as usize).min(scene.colours.len().max(1));
+        let rows = scene.colours.len() / columns;
         let inverse = pose.inverse();
         let width = scene.size[0] as usize;
         let mut crossings = vec![];
@@ -152,9 +156,11 @@ impl PlanarCamera {
                 row.iter_mut().zip(&self.cover).enumerate().filter(|(_, (_, c))| **c > 0.0)
             {
                 let in_shape = inverse.act(&Point2::new(x as f64, y as f64));
-                let stripe = (in_shape.y - low) / (high - low) * scene.colours.len() as f64;
-                let last = scene.colours.len().saturating_sub(1);
-                let Some(colour) = scene.colours.get((stripe.max(0.0) as usize).min(last)) else { continue };
+                let part = (in_shape - low).component_div(&(high - low));
+                let cell =
+                    |part: f64, n: usize| ((part.max(0.0) * n as f64) as usize).min(n.saturating_sub(1));
+                let index = cell(part.y, rows) * columns + cell(part.x, columns);
+                let Some(colour) = scene.colours.get(index) else { continue };
                 *pixel = core::array::from_fn(|k| pixel[k] + share * (colour[k] - pixel[k]));
             }
         }
@@ -226,6 +232,7 @@ mod tests {
         PlanarScene {
             loops: vec![corners.map(Point2::from).to_vec()],
             colours: vec![[1.0; 3]],
+            columns: 1,
             start: Sim2::new(60.25, 40.0, 0.3, 1.1),
             step: Vector4::new(4.0, 4.0, 0.03, 0.01),
             margin: 30.0,
@@ -275,13 +282,16 @@ mod tests {
     }
 
     #[test]
-    fn stripes_have_their_colours() {
-        let colours = vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    fn cells_have_their_colours() {
+        let colours = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 0.0]];
         let upright = Sim2::new(60.0, 40.0, 0.0, 1.0);
-        let mut camera = PlanarScene { colours, start: upright, colour: true, ..scene() }.sensor(SensorId(0));
+        let mut camera =
+            PlanarScene { colours, columns: 2, start: upright, colour: true, ..scene() }.sensor(SensorId(0));
         let Payload::Rgb(picture) = camera.next().unwrap().unwrap().payload else { panic!("colour") };
-        assert_eq!(picture.get_pixel(60, 35).0, [255, 0, 0]);
-        assert_eq!(picture.get_pixel(60, 45).0, [0, 0, 255]);
+        assert_eq!(picture.get_pixel(50, 35).0, [255, 0, 0]);
+        assert_eq!(picture.get_pixel(70, 35).0, [0, 255, 0]);
+        assert_eq!(picture.get_pixel(50, 45).0, [0, 0, 255]);
+        assert_eq!(picture.get_pixel(70, 45).0, [255, 255, 0]);
         assert_eq!(picture.get_pixel(60, 60).0, [0; 3]);
     }
 }

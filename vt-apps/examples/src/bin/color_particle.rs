@@ -5,7 +5,8 @@
 //! Measurement: histograms of hue and saturation under every hypothesis, at pixel level.
 //! Tracker: particle filter with deterministic resampling.
 //!
-//! Without options a simulated scene is tracked. Own pictures take `--images` and `--init`.
+//! Without options a simulated scene is tracked. Own pictures take `--images` and `--init`; there two parts know their colours, those of
+//! the surroundings count less, and a template of grey levels is a second measurement.
 
 use std::process::ExitCode;
 
@@ -16,7 +17,10 @@ fn main() -> ExitCode {
         name: "color-particle",
         simulated: include_str!("../../../tasks/color-particle.toml"),
         own: include_str!("../own-color.toml"),
-        references: &["targets.object.modalities.0.params.reference"],
+        references: &[
+            "targets.object.modalities.0.params.reference",
+            "targets.object.modalities.1.params.reference",
+        ],
     };
     program.main()
 }

@@ -23,8 +23,11 @@ pub struct PlanarSceneParams {
     pub model: String,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// Colours of the model, red, green and blue from 0 to 1, in horizontal stripes of equal height.
+    /// Colours of the model, red, green and blue from 0 to 1, by rows of equal cells.
     pub colours: Vec<[f32; 3]>,
+    /// Cells in a row.
+    #[serde(default = "one")]
+    pub columns: u32,
     /// Pose of the first frame.
     pub start: PlanarPose,
     /// Deviations of its steps.
@@ -44,6 +47,10 @@ pub struct PlanarSceneParams {
     /// Standard deviation of Gaussian noise in grey levels of 255.
     #[serde(default = "two")]
     pub noise: f64,
+}
+
+fn one() -> u32 {
+    1
 }
 
 fn two() -> f64 {
@@ -80,6 +87,10 @@ impl Params for PlanarSceneParams {
                 found,
                 "at least one colour of numbers from 0 to 1",
             ));
+        }
+        if self.columns == 0 || !self.colours.len().is_multiple_of(self.columns as usize) {
+            let expected = format!("a divisor of the number of colours, {}", self.colours.len());
+            return Err(ConfigError::parameter("columns", self.columns, expected));
         }
         let scale = self.start.scale;
         if !(scale > 0.0 && scale.is_finite()) {
@@ -128,6 +139,7 @@ pub(super) fn scene(p: PlanarSceneParams, context: SensorContext<'_>) -> Result<
     let scene = PlanarScene {
         loops: shape.outline()?.loops().to_vec(),
         colours: p.colours,
+        columns: p.columns,
         start: Sim2::new(x.si(), y.si(), rotation.si(), scale),
         step: Vector4::new(shift, shift, p.step.rotation.si(), p.step.scale.si()),
         margin: p.margin.si(),
