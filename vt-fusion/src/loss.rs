@@ -110,7 +110,7 @@ impl Default for LossWeights {
     /// Fitted to the edge tracker on simulated scenes (`docs/loss.md`). The share of unsupported contour adds nothing
     /// to the likelihood ratio there; its weight is for evidence without one.
     fn default() -> Self {
-        Self { bias: 5.0, unsupported: 0.0, log_ratio: -1.2, misfit: 0.2, surprise: 1.4, spread: 1.25 }
+        Self { bias: 6.3, unsupported: 0.0, log_ratio: -1.4, misfit: 1.0, surprise: 1.0, spread: 1.3 }
     }
 }
 

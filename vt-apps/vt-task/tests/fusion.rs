@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use vt_core::lie::SE3;
+use vt_core::math;
 use vt_core::metrics::PoseError;
 use vt_core::report::{Status, StepReport};
 use vt_task::assembly::Scene;
@@ -51,12 +52,12 @@ fn one_line_changes_the_fusion() {
     let dynamics = ["intersection", "equivalent-measurements"];
     let spread = |fusion: &&str| {
         let reports = run(&format!("{{ kind = '{fusion}' }}"), &[]).unwrap();
-        reports.last().unwrap().posterior.get::<SE3>().unwrap().covariance.determinant().ln() / 12.0
+        math::ln(reports.last().unwrap().posterior.get::<SE3>().unwrap().covariance.determinant()) / 12.0
     };
     let spreads: Vec<f64> = statics.iter().chain(&dynamics).map(spread).collect();
     // The same edges twice: whoever takes them for independent is surer than the intersection, by the root of two.
     let [stacked, .., intersection, central] = spreads[..] else { unreachable!() };
-    assert!((intersection - stacked - 0.5 * 2_f64.ln()).abs() < 0.1, "{spreads:?}");
+    assert!((intersection - stacked - 0.5 * math::ln(2.0)).abs() < 0.1, "{spreads:?}");
     assert!((central - stacked).abs() < 0.05, "{spreads:?}");
     run("{ kind = 'intersection', params = { criterion = 'trace', feedback = true } }", &[]).unwrap();
 }

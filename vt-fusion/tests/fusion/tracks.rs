@@ -132,7 +132,7 @@ proptest! {
         let random = &mut random(seed);
         let parts: Vec<Belief> = (0..count).map(|_| belief(random, n)).collect();
         let criterion = if trace { Criterion::Trace } else { Criterion::Determinant };
-        let size = |p: &DMatrix<f64>| if trace { p.trace() } else { p.determinant().ln() };
+        let size = |p: &DMatrix<f64>| if trace { p.trace() } else { vt_core::math::ln(p.determinant()) };
         let mut rule = Intersection::new(criterion);
         let found = size(&rule.combine(&parts).expect("finite").covariance);
         prop_assert!((rule.weights().iter().sum::<f64>() - 1.0).abs() < 1e-12);
