@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use nalgebra::Vector4;
+use vt_core::frame::SensorId;
 use vt_core::lie::{Sim2, picture_from_plane};
-use vt_sim::backdrop::Background;
-use vt_sim::noise::Noise;
-use vt_sim::planar::PlanarScene;
+use vt_models::outline::Outline;
+use vt_sim::planar::{Fill, PlanarCamera, Settings, Walk};
 use vt_task::assembly::Scene;
 use vt_task::{Document, Registry, check};
 
@@ -15,26 +14,24 @@ const FRAMES: usize = 40;
 /// What is learnt in the first frame starts at the truth, since it would keep the error of its start; outlines start off it.
 fn task(modality: &str, estimator: &str) -> String {
     let learnt = modality.contains("color") || modality.contains("template");
-    let [x, y, angle] = if learnt { [120.0, 90.0, 0.0] } else { [121.5, 89.0, 1.0] };
+    let [x, y, angle] = if learnt { [119.5, 89.5, 0.0] } else { [121.5, 89.0, 1.0] };
     format!(
         r#"
 version = 1
 seed = 5
 [[sensors]]
 name = "camera"
-kind = "planar-scene"
+kind = "simulated-planar"
 picture = "colour"
 [sensors.params]
 model = "object"
 size = [240, 180]
-colours = [[0.9, 0.35, 0.2], [0.2, 0.8, 0.9], [0.8, 0.8, 0.3], [0.6, 0.2, 0.7]]
-columns = 2
-start = {{ translation = ["120 px", "90 px"] }}
-step = {{ translation = "1.5 px", rotation = "0.5 deg", scale = "0.3 %" }}
-margin = "50 px"
-background = {{ kind = "clutter", params = {{ size = "30 px", density = 0.4, brightness = 0.3, contrast = 0.4 }} }}
 frames = {FRAMES}
 rate = "25 Hz"
+translation = "1.5 px"
+rotation = "0.5 deg"
+scale = 0.003
+colours = 4
 [[models]]
 name = "object"
 shape = {{ kind = "rectangle", params = {{ size = ["50 px", "36 px"] }} }}
@@ -52,24 +49,21 @@ params = {{ picture_from_object = {{ translation = ["{x} px", "{y} px"], rotatio
     )
 }
 
+/// The poses of the same scene.
 fn truth() -> Vec<Sim2> {
-    let scene = PlanarScene {
-        loops: vec![],
-        colours: vec![],
-        columns: 1,
-        start: Sim2::new(120.0, 90.0, 0.0, 1.0),
-        step: Vector4::new(1.5, 1.5, 0.5_f64.to_radians(), 0.003),
-        margin: 50.0,
-        background: Background::Plain(0.0),
+    let settings = Settings {
         size: [240, 180],
         frames: FRAMES as u64,
         rate: 25.0,
-        hidden: vec![],
-        noise: Noise::default(),
+        walk: Walk { translation: 1.5, rotation: 0.5_f64.to_radians(), scale: 0.003 },
+        fill: Fill::Patches(4),
         colour: true,
         seed: 5,
+        ..Settings::default()
     };
-    scene.poses()
+    let shape = Outline::rectangle(50.0, 36.0).expect("a shape");
+    let camera = PlanarCamera::new(SensorId(0), shape, settings).expect("a scene");
+    camera.truth().into_values().collect()
 }
 
 /// Coordinates of the estimates of all frames.
@@ -101,29 +95,29 @@ fn error(estimates: &[Vec<f64>]) -> f64 {
     (squares.sum::<f64>() / (FRAMES - FRAMES / 2) as f64).sqrt()
 }
 
-const MODALITIES: [(&str, f64); 5] = [
-    (r#"{ kind = "contour", level = "pixel", sensor = "camera" }"#, 1.5),
-    (r#"{ kind = "contour", level = "pixel", sensor = "camera", params = { hypotheses = "single" } }"#, 1.5),
-    (r#"{ kind = "chamfer", level = "pixel", sensor = "camera" }"#, 1.5),
-    (r#"{ kind = "color", level = "pixel", sensor = "camera", params = { rows = 2, lambda = 60.0 } }"#, 1.5),
-    // One linearisation a frame lags behind steps of two pixels.
-    (r#"{ kind = "template", level = "pixel", sensor = "camera" }"#, 2.5),
+const MODALITIES: [&str; 5] = [
+    r#"{ kind = "contour", level = "pixel", sensor = "camera" }"#,
+    r#"{ kind = "contour", level = "pixel", sensor = "camera", params = { hypotheses = "single" } }"#,
+    r#"{ kind = "chamfer", level = "pixel", sensor = "camera" }"#,
+    r#"{ kind = "color", level = "pixel", sensor = "camera", params = { rows = 2, lambda = 60.0 } }"#,
+    r#"{ kind = "template", level = "pixel", sensor = "camera" }"#,
 ];
 
-const ESTIMATORS: [&str; 3] = [
-    r#"{ kind = "particle", params = { particles = 300 } }"#,
-    r#"{ kind = "kalman" }"#,
-    r#"{ kind = "kalman", params = { iterations = 10 } }"#,
+/// With bounds of the error: one linearisation a frame lags behind steps of two pixels, but it stays with the object.
+const ESTIMATORS: [(&str, f64); 3] = [
+    (r#"{ kind = "particle", params = { particles = 300 } }"#, 1.5),
+    (r#"{ kind = "kalman" }"#, 6.0),
+    (r#"{ kind = "kalman", params = { iterations = 10 } }"#, 2.0),
 ];
 
 #[test]
 fn any_measurement_runs_under_any_estimator() {
     let mut wrong = vec![];
-    for (modality, bound) in MODALITIES {
-        for estimator in ESTIMATORS {
+    for modality in MODALITIES {
+        for (estimator, bound) in ESTIMATORS {
             let error = error(&track(&task(modality, estimator)));
             println!("{error:6.2} px  {modality} {estimator}");
-            if !(error < bound) {
+            if error.is_nan() || error >= bound {
                 wrong.push(format!("{error:.2} px of {bound}: {modality} under {estimator}"));
             }
         }
@@ -133,10 +127,10 @@ fn any_measurement_runs_under_any_estimator() {
 
 #[test]
 fn the_same_bytes_at_one_and_two_threads() {
-    let both = MODALITIES.map(|(m, _)| m).join(", ");
+    let both = MODALITIES.join(", ");
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| track(&task(&both, ESTIMATORS[0])))
+        pool.install(|| track(&task(&both, ESTIMATORS[0].0)))
     };
     assert_eq!(run(1), run(2));
 }

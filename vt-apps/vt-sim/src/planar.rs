@@ -1,297 +1,321 @@
-//! A flat shape that wanders over a background, as an uncalibrated camera sees it: the scene of the paper's
-//! two-dimensional trackers.
+//! A flat shape that wanders over a cluttered background: the simulated scene of planar targets.
+//!
+//! The background is a "dead leaves" picture (G. Matheron, 1968): opaque polygons on top of each other, in a few grey
+//! levels, as many as give the wanted number of edges per pixel of a straight line. The shape is brighter than all of them by a given contrast, or a
+//! patchwork of strong colours. What is true of a frame is exact.
 
-use core::ops::Range;
+mod leaves;
+mod polygon;
+
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::{Point2, Vector4};
+use nalgebra::Point2;
+use rayon::prelude::*;
 use vt_core::agent::Sensor;
-use vt_core::error::DeviceError;
+use vt_core::error::{ConfigError, DeviceError};
 use vt_core::frame::{Frame, Payload, SensorId};
 use vt_core::lie::{LieGroup, Sim2};
+use vt_core::math;
+use vt_core::metrics::Rectangle;
 use vt_core::random::{Random, Source, Stream};
 use vt_core::time::Timestamp;
+use vt_models::outline::Outline;
 
-use crate::backdrop::Background;
 use crate::camera::luma;
 use crate::noise::{Converter, Noise};
 use crate::texture::Colour;
+use leaves::{BRIGHT, LEVELS, dead_leaves, tinted};
 
-/// What is seen and how.
-#[derive(Clone, Debug)]
-pub struct PlanarScene {
-    /// Closed polygons in the units of the shape; what lies inside an odd number of them is filled.
-    pub loops: Vec<Vec<Point2<f64>>>,
-    /// Colours of the shape, 0 to 1, by rows of equal cells.
-    pub colours: Vec<Colour>,
-    /// Cells in a row, at least 1.
-    pub columns: u32,
-    /// Picture of the shape's start, `picture_from_shape`, pixels.
-    pub start: Sim2,
-    /// Deviations of its steps: x, y (pixels), angle (radians), logarithm of the scale.
-    pub step: Vector4<f64>,
-    /// The shape's origin stays so far from the picture's border, pixels, and its scale within a factor of 1.5 of that of the
-    /// start: steps that would leave are reflected.
-    pub margin: f64,
-    /// What is behind it.
-    pub background: Background,
-    /// Width and height of the picture.
+/// Deviations of the steps of a random walk from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Walk {
+    /// Of each coordinate of the position, pixels.
+    pub translation: f64,
+    /// Of the angle, radians.
+    pub rotation: f64,
+    /// Of the logarithm of the scale.
+    pub scale: f64,
+}
+
+/// What the inside of the shape looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fill {
+    /// One grey level, above that of the whole background.
+    Plain,
+    /// Patches of so many strong colours, at hues that lie equally far apart.
+    Patches(u32),
+}
+
+/// Settings of a planar scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Columns and rows.
     pub size: [u32; 2],
     /// Number of frames.
     pub frames: u64,
     /// Frames per second.
     pub rate: f64,
-    /// Frames in which the shape is behind the background.
-    pub hidden: Vec<Range<u64>>,
+    /// Motion.
+    pub walk: Walk,
+    /// Inside of the shape.
+    pub fill: Fill,
+    /// Least difference of a plain shape to the background in grey levels of 255, up to 180.
+    pub contrast: f64,
+    /// Edges of the background per pixel of a straight line, up to 0.5.
+    pub clutter: f64,
+    /// First and last number of runs of frames in which the shape is hidden behind another piece of background.
+    pub occlusions: Vec<[u64; 2]>,
     /// What the sensor makes of light.
     pub noise: Noise,
-    /// Whether frames are colour pictures.
+    /// Whether frames are colour pictures and the background has weak colours.
     pub colour: bool,
-    /// Seed of motion, background and noise.
+    /// Seed of everything.
     pub seed: u64,
 }
 
-/// Largest factor between the scale and that of the start.
-const GROWTH: f64 = 1.5;
-
-/// Lines of sub-pixels a row.
-const LINES: usize = 4;
-
-impl PlanarScene {
-    /// True poses of all frames.
-    pub fn poses(&self) -> Vec<Sim2> {
-        let mut random = Random::new(self.seed, Stream::Sim, 3 << 32, 0, 0);
-        let mut pose = self.start;
-        let borders = self.size.map(|n| [self.margin, f64::from(n) - 1.0 - self.margin]);
-        let scales = [self.start.scale / GROWTH, self.start.scale * GROWTH].map(vt_core::math::ln);
-        let mut out = Vec::with_capacity(self.frames as usize);
-        for _ in 0..self.frames {
-            out.push(pose);
-            let d = self.step.map(|s| s * random.normal());
-            let x = reflected(pose.translation.x + d.x, borders[0]);
-            let y = reflected(pose.translation.y + d.y, borders[1]);
-            let scale = reflected(vt_core::math::ln(pose.scale) + d.w, scales);
-            pose = Sim2::new(x, y, pose.angle() + d.z, vt_core::math::exp(scale));
-        }
-        out
-    }
-
-    /// The scene as a sensor.
-    pub fn sensor(self, id: SensorId) -> PlanarCamera {
-        let [width, height] = self.size;
-        let background = self.background.paint(self.seed, width, height);
-        PlanarCamera {
-            id,
-            poses: self.poses(),
-            light: background.clone(),
-            background,
-            converter: Converter::new(self.noise),
-            cover: vec![0.0; width as usize],
-            next: 0,
-            scene: self,
+impl Default for Settings {
+    /// 300 grey frames of 640 × 480 pixels at 25 Hz; steps of 4 px, 2°, 1 %; contrast 25; 0.02 edges per pixel.
+    fn default() -> Self {
+        Self {
+            size: [640, 480],
+            frames: 300,
+            rate: 25.0,
+            walk: Walk { translation: 4.0, rotation: 2_f64.to_radians(), scale: 0.01 },
+            fill: Fill::Plain,
+            contrast: 25.0,
+            clutter: 0.02,
+            occlusions: vec![],
+            noise: Noise::default(),
+            colour: false,
+            seed: 0,
         }
     }
 }
 
-/// A value that left an interval by less than its width, reflected at the border.
-fn reflected(v: f64, [low, high]: [f64; 2]) -> f64 {
-    let inside = if v < low { 2.0 * low - v } else { v };
-    let inside = if inside > high { 2.0 * high - inside } else { inside };
-    // An interval without width leaves one value.
-    inside.clamp(low.min(high), high.max(low))
-}
+/// Scales that the walk keeps within.
+const SCALES: [f64; 2] = [0.6, 1.6];
 
-/// A [`PlanarScene`] that is filmed; frames count from 0.
+/// Steps that are drawn until one keeps the shape in the picture; then it stays.
+const TRIES: usize = 1000;
+
+/// Pixels that the shape keeps from the border.
+const BORDER: f64 = 2.0;
+
+/// Most frames and most pixels.
+const MOST_FRAMES: u64 = 1_000_000;
+const MOST_PIXELS: u64 = 1 << 26;
+
+/// The scene as a sensor; frames count from 0.
 pub struct PlanarCamera {
     id: SensorId,
-    scene: PlanarScene,
+    outline: Outline,
+    settings: Settings,
     poses: Vec<Sim2>,
     background: Vec<Colour>,
-    light: Vec<Colour>,
+    cover: Vec<Colour>,
+    /// Places in the shape with the colour that all points nearest to them have.
+    patches: Vec<(Point2<f64>, Colour)>,
     converter: Converter,
-    cover: Vec<f32>,
+    light: Vec<Colour>,
     next: u64,
 }
 
 impl PlanarCamera {
-    /// True poses `picture_from_shape` by frame.
-    pub fn poses(&self) -> &[Sim2] {
-        &self.poses
+    /// A shape, in pixels at scale 1, that starts in the middle of the picture, upright.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a setting is out of its range, or the shape does not fit into the picture.
+    pub fn new(id: SensorId, outline: Outline, settings: Settings) -> Result<Self, ConfigError> {
+        check(&settings)?;
+        let poses = wander(&outline, &settings)?;
+        let [w, h] = settings.size.map(|n| n as usize);
+        let picture = |layer| dead_leaves([w, h], &settings, layer);
+        let (background, cover) = (picture(0), picture(1));
+        let patches = patches(&outline, &settings);
+        let converter = Converter::new(settings.noise);
+        let light = Vec::with_capacity(w * h);
+        Ok(Self { id, outline, settings, poses, background, cover, patches, converter, light, next: 0 })
     }
 
-    /// Draws the shape at a pose over the background.
-    fn draw(&mut self, pose: &Sim2) {
-        let scene = &self.scene;
-        let loops: Vec<Vec<Point2<f64>>> =
-            scene.loops.iter().map(|l| l.iter().map(|p| pose.act(p)).collect()).collect();
-        let none = Point2::new(f64::INFINITY, f64::INFINITY);
-        let (low, high) = scene.loops.iter().flatten().fold((none, -none), |(a, b), p| (a.inf(p), b.sup(p)));
-        let columns = (scene.columns.max(1) as usize).min(scene.colours.len().max(1));
-        let rows = scene.colours.len() / columns;
-        let inverse = pose.inverse();
-        let width = scene.size[0] as usize;
-        let mut crossings = vec![];
-        for (y, row) in self.light.chunks_exact_mut(width).enumerate() {
-            self.cover.fill(0.0);
-            let mut any = false;
-            for line in 0..LINES {
-                let at = y as f64 - 0.5 + (line as f64 + 0.5) / LINES as f64;
-                crossings.clear();
-                for l in &loops {
-                    let next = l.iter().cycle().skip(1);
-                    let crossed = l.iter().zip(next).filter(|(a, b)| (a.y > at) != (b.y > at));
-                    crossings.extend(crossed.map(|(a, b)| a.x + (b.x - a.x) * (at - a.y) / (b.y - a.y)));
-                }
-                crossings.sort_unstable_by(f64::total_cmp);
-                for span in crossings.chunks_exact(2) {
-                    any = true;
-                    cover(&mut self.cover, [span[0] + 0.5, span[1] + 0.5], 1.0 / LINES as f32);
-                }
-            }
-            if !any {
-                continue;
-            }
-            for (x, (pixel, share)) in
-                row.iter_mut().zip(&self.cover).enumerate().filter(|(_, (_, c))| **c > 0.0)
-            {
-                let in_shape = inverse.act(&Point2::new(x as f64, y as f64));
-                let part = (in_shape - low).component_div(&(high - low));
-                let cell =
-                    |part: f64, n: usize| ((part.max(0.0) * n as f64) as usize).min(n.saturating_sub(1));
-                let index = cell(part.y, rows) * columns + cell(part.x, columns);
-                let Some(colour) = scene.colours.get(index) else { continue };
-                *pixel = core::array::from_fn(|k| pixel[k] + share * (colour[k] - pixel[k]));
-            }
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The shape.
+    pub fn outline(&self) -> &Outline {
+        &self.outline
+    }
+
+    /// True poses by the frame's number: points of the shape to pixels, whole numbers at pixel centres.
+    pub fn truth(&self) -> BTreeMap<u64, Sim2> {
+        (0..).zip(self.poses.iter().copied()).collect()
+    }
+
+    /// Images of the corners of the shape's own bounds in a frame, in order around them.
+    pub fn corners(&self, number: u64) -> Option<[Point2<f64>; 4]> {
+        let [a, b] = self.outline.bounds();
+        let pose = self.poses.get(usize::try_from(number).ok()?)?;
+        Some([a, Point2::new(b.x, a.y), b, Point2::new(a.x, b.y)].map(|p| pose.act(&p)))
+    }
+
+    /// The upright box around the shape's image in a frame, in coordinates of pixel centres.
+    pub fn bounds(&self, number: u64) -> Option<Rectangle> {
+        let pose = self.poses.get(usize::try_from(number).ok()?)?;
+        let mut points = self.outline.loops().iter().flatten().map(|p| pose.act(p));
+        let first = points.next()?;
+        let (low, high) = points.fold((first, first), |(a, b), p| (a.inf(&p), b.sup(&p)));
+        Some(Rectangle { x: low.x, y: low.y, width: high.x - low.x, height: high.y - low.y })
+    }
+
+    /// Whether the shape is seen in a frame.
+    pub fn visible(&self, number: u64) -> bool {
+        !self.settings.occlusions.iter().any(|[first, last]| (*first..=*last).contains(&number))
+    }
+
+    fn draw(&mut self, number: u64) {
+        let Some(pose) = self.poses.get(number as usize).copied() else { return };
+        let [w, h] = self.settings.size.map(|n| n as usize);
+        self.light.clone_from(&self.background);
+        let (light, patches, inverse) = (&mut self.light, &self.patches, pose.inverse());
+        let loops: Vec<Vec<_>> =
+            self.outline.loops().iter().map(|l| l.iter().map(|p| pose.act(p)).collect()).collect();
+        polygon::fill(&loops, [w, h], |x, y, share| {
+            let at = inverse.act(&Point2::new(x as f64, y as f64));
+            let squared = |p: &(Point2<f64>, Colour)| (p.0 - at).norm_squared();
+            let nearest = patches.iter().min_by(|a, b| squared(a).total_cmp(&squared(b)));
+            let colour = nearest.map_or([BRIGHT; 3], |p| p.1);
+            polygon::blend(&mut light[y * w + x], &colour, share);
+        });
+        if let Some(hidden) = self.bounds(number).filter(|_| !self.visible(number)) {
+            let margin = 0.1 * hidden.width.max(hidden.height);
+            let (left, right) = (hidden.x - margin, hidden.x + hidden.width + margin);
+            let (top, bottom) = (hidden.y - margin, hidden.y + hidden.height + margin);
+            let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+            let cover = &self.cover;
+            let light = &mut self.light;
+            polygon::fill(&[corners.map(|(x, y)| Point2::new(x, y)).to_vec()], [w, h], |x, y, share| {
+                polygon::blend(&mut light[y * w + x], &cover[y * w + x], share);
+            });
         }
     }
 
-    fn develop<const CHANNELS: usize>(
-        &self,
-        number: u64,
-        channel: impl Fn(&Colour, usize) -> f32,
-    ) -> Vec<u8> {
-        let [width, height] = self.scene.size.map(|n| n as usize);
-        let source = Source::new(self.scene.seed, Stream::Sim, 2 + u64::from(self.id.0));
-        let mut bytes = vec![0; width * height * CHANNELS];
-        let rows = bytes.chunks_exact_mut(width * CHANNELS).zip(self.light.chunks_exact(width));
-        for (y, (out, row)) in rows.enumerate() {
+    fn develop<const CHANNELS: usize>(&self, number: u64, channel: fn(&Colour, usize) -> f32) -> Vec<u8> {
+        let w = self.settings.size[0] as usize;
+        let mut bytes = vec![0; self.light.len() * CHANNELS];
+        let source = Source::new(self.settings.seed, Stream::Sim, (3 << 32) + u64::from(self.id.0));
+        let rows = bytes.par_chunks_mut(w * CHANNELS).zip(self.light.par_chunks(w)).enumerate();
+        rows.for_each(|(y, (out, row))| {
             let light = |k: usize| channel(&row[k / CHANNELS], k % CHANNELS);
             self.converter.convert(light, out, &mut source.at(number, y as u32));
-        }
+        });
         bytes
-    }
-}
-
-/// Adds `weight` times the share of each pixel that an interval covers; pixel `k` is the interval from `k` to `k + 1`.
-fn cover(pixels: &mut [f32], [from, to]: [f64; 2], weight: f32) {
-    let (from, to) = (from.max(0.0), to.min(pixels.len() as f64));
-    if !(from < to) {
-        return;
-    }
-    let (first, last) = (from as usize, (to.ceil() as usize).min(pixels.len()));
-    for (k, pixel) in pixels[..last].iter_mut().enumerate().skip(first) {
-        let share = to.min(k as f64 + 1.0) - from.max(k as f64);
-        *pixel += weight * share as f32;
     }
 }
 
 impl Sensor for PlanarCamera {
     fn next(&mut self) -> Result<Option<Frame>, DeviceError> {
-        let number = self.next;
-        let Some(pose) = self.poses.get(number as usize).copied() else { return Ok(None) };
-        self.next += 1;
-        self.light.copy_from_slice(&self.background);
-        if !self.scene.hidden.iter().any(|range| range.contains(&number)) {
-            self.draw(&pose);
+        if self.next >= self.settings.frames {
+            return Ok(None);
         }
-        let [width, height] = self.scene.size;
-        let fail = || DeviceError::new("simulated picture", "its size does not fit its bytes");
-        let payload = if self.scene.colour {
+        let number = self.next;
+        self.next += 1;
+        self.draw(number);
+        let [w, h] = self.settings.size;
+        let payload = if self.settings.colour {
             let bytes = self.develop::<3>(number, |c, k| c[k]);
-            Payload::Rgb(Arc::new(RgbImage::from_raw(width, height, bytes).ok_or_else(fail)?))
+            RgbImage::from_raw(w, h, bytes).map(|p| Payload::Rgb(Arc::new(p)))
         } else {
             let bytes = self.develop::<1>(number, |c, _| luma(c));
-            Payload::Grey(Arc::new(GrayImage::from_raw(width, height, bytes).ok_or_else(fail)?))
+            GrayImage::from_raw(w, h, bytes).map(|p| Payload::Grey(Arc::new(p)))
         };
-        let time = Timestamp::from_seconds(number as f64 / self.scene.rate);
+        let payload = payload.ok_or_else(|| DeviceError::new("simulated picture", "too small a buffer"))?;
+        let time = Timestamp::from_seconds(number as f64 / self.settings.rate);
         Ok(Some(Frame { sensor: self.id, number, time, payload }))
     }
 
     fn remaining(&self) -> Option<usize> {
-        Some((self.scene.frames - self.next) as usize)
+        Some((self.settings.frames - self.next) as usize)
     }
+}
+
+fn check(s: &Settings) -> Result<(), ConfigError> {
+    let range = |key, value: f64, low: f64, high: f64| match value >= low && value <= high {
+        true => Ok(()),
+        false => Err(ConfigError::parameter(key, value, format!("a number from {low} to {high}"))),
+    };
+    let pixels = u64::from(s.size[0]) * u64::from(s.size[1]);
+    if pixels == 0 || pixels > MOST_PIXELS {
+        return Err(ConfigError::parameter(
+            "size",
+            format!("{:?}", s.size),
+            "columns and rows, up to 64 megapixels",
+        ));
+    }
+    range("frames", s.frames as f64, 1.0, MOST_FRAMES as f64)?;
+    range("rate", s.rate, 1e-6, 1e6)?;
+    range("walk.translation", s.walk.translation, 0.0, 1e4)?;
+    range("walk.rotation", s.walk.rotation, 0.0, 10.0)?;
+    range("walk.scale", s.walk.scale, 0.0, 1.0)?;
+    range("contrast", s.contrast, 0.0, 180.0)?;
+    range("clutter", s.clutter, 0.0, 0.5)?;
+    if let Fill::Patches(n) = s.fill {
+        range("patches", f64::from(n), 1.0, 100.0)?;
+    }
+    Ok(())
+}
+
+/// A random walk that keeps the shape in the picture: steps that would not are drawn again.
+fn wander(outline: &Outline, s: &Settings) -> Result<Vec<Sim2>, ConfigError> {
+    let [w, h] = s.size.map(f64::from);
+    let within = |pose: &Sim2| {
+        let inside = |p: Point2<f64>| {
+            p.x >= BORDER && p.y >= BORDER && p.x <= w - 1.0 - BORDER && p.y <= h - 1.0 - BORDER
+        };
+        let scaled = pose.scale >= SCALES[0] && pose.scale <= SCALES[1];
+        scaled && outline.loops().iter().flatten().all(|p| inside(pose.act(p)))
+    };
+    let mut pose = Sim2::new(0.5 * (w - 1.0), 0.5 * (h - 1.0), 0.0, 1.0);
+    if !within(&pose) {
+        let [a, b] = outline.bounds();
+        let found = format!("a shape from ({:.0}, {:.0}) to ({:.0}, {:.0})", a.x, a.y, b.x, b.y);
+        let expected = format!("one about its origin that fits into {w}x{h} pixels");
+        return Err(ConfigError::Mismatch { found, expected });
+    }
+    let mut poses = vec![pose];
+    for number in 1..s.frames {
+        let random = &mut Random::new(s.seed, Stream::Sim, 4 << 32, number, 0);
+        let mut step = || {
+            let position = [0, 1].map(|k| pose.translation[k] + s.walk.translation * random.normal());
+            let angle = pose.angle() + s.walk.rotation * random.normal();
+            let scale = pose.scale * math::exp(s.walk.scale * random.normal());
+            Sim2::new(position[0], position[1], angle, scale)
+        };
+        pose = (0..TRIES).map(|_| step()).find(within).unwrap_or(pose);
+        poses.push(pose);
+    }
+    Ok(poses)
+}
+
+/// Four patches a colour, anywhere in the shape's bounds.
+fn patches(outline: &Outline, s: &Settings) -> Vec<(Point2<f64>, Colour)> {
+    let Fill::Patches(count) = s.fill else { return vec![] };
+    let random = &mut Random::new(s.seed, Stream::Sim, 5 << 32, 0, 0);
+    let first = random.uniform();
+    let [a, b] = outline.bounds();
+    let place = |k: u32| {
+        let at = Point2::new(a.x + (b.x - a.x) * random.uniform(), a.y + (b.y - a.y) * random.uniform());
+        (at, tinted(0.5, first + f64::from(k % count) / f64::from(count), 0.45))
+    };
+    (0..4 * count).map(place).collect()
+}
+
+/// Levels of the background of these settings, from dark to bright, 0 to 1.
+pub fn background_levels(settings: &Settings) -> [f64; LEVELS] {
+    leaves::levels(settings.contrast)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn scene() -> PlanarScene {
-        let corners = [[-20.0, -10.0], [20.0, -10.0], [20.0, 10.0], [-20.0, 10.0]];
-        PlanarScene {
-            loops: vec![corners.map(Point2::from).to_vec()],
-            colours: vec![[1.0; 3]],
-            columns: 1,
-            start: Sim2::new(60.25, 40.0, 0.3, 1.1),
-            step: Vector4::new(4.0, 4.0, 0.03, 0.01),
-            margin: 30.0,
-            background: Background::Plain(0.0),
-            size: [160, 120],
-            frames: 40,
-            rate: 25.0,
-            hidden: vec![5..7],
-            noise: Noise { gaussian: 0.0, ..Noise::default() },
-            colour: false,
-            seed: 3,
-        }
-    }
-
-    /// Area and centre of what is bright.
-    fn moments(frame: &Frame) -> (f64, Point2<f64>) {
-        let Payload::Grey(picture) = &frame.payload else { panic!("grey") };
-        let (mut area, mut sum) = (0.0, [0.0; 2]);
-        for (x, y, p) in picture.enumerate_pixels() {
-            let w = f64::from(p.0[0]) / 255.0;
-            area += w;
-            sum[0] += w * f64::from(x);
-            sum[1] += w * f64::from(y);
-        }
-        (area, Point2::new(sum[0] / area, sum[1] / area))
-    }
-
-    #[test]
-    fn the_shape_is_where_its_truth_says_and_nowhere_when_hidden() {
-        let mut camera = scene().sensor(SensorId(0));
-        let poses = camera.poses().to_vec();
-        assert_eq!(poses, scene().poses());
-        for (k, pose) in poses.iter().enumerate() {
-            let (area, centre) = moments(&camera.next().unwrap().unwrap());
-            if (5..7).contains(&k) {
-                assert_eq!(area, 0.0);
-                continue;
-            }
-            let expected = 40.0 * 20.0 * pose.scale * pose.scale;
-            assert!((area / expected - 1.0).abs() < 0.01, "{area} for {expected}");
-            assert!((centre.coords - pose.translation).norm() < 0.05, "{centre} for {}", pose.translation);
-            for (v, n) in [(pose.translation.x, 160.0), (pose.translation.y, 120.0)] {
-                assert!((30.0..=n - 31.0).contains(&v));
-            }
-        }
-        assert!(camera.next().unwrap().is_none());
-    }
-
-    #[test]
-    fn cells_have_their_colours() {
-        let colours = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 0.0]];
-        let upright = Sim2::new(60.0, 40.0, 0.0, 1.0);
-        let mut camera =
-            PlanarScene { colours, columns: 2, start: upright, colour: true, ..scene() }.sensor(SensorId(0));
-        let Payload::Rgb(picture) = camera.next().unwrap().unwrap().payload else { panic!("colour") };
-        assert_eq!(picture.get_pixel(50, 35).0, [255, 0, 0]);
-        assert_eq!(picture.get_pixel(70, 35).0, [0, 255, 0]);
-        assert_eq!(picture.get_pixel(50, 45).0, [0, 0, 255]);
-        assert_eq!(picture.get_pixel(70, 45).0, [255, 255, 0]);
-        assert_eq!(picture.get_pixel(60, 60).0, [0; 3]);
-    }
-}
+mod tests;

@@ -58,9 +58,9 @@ impl Registry {
                 simulation::simulated,
             ))
             .with(Method::<Sensors>::new(
-                "planar-scene",
+                "simulated-planar",
                 "a drawn scene of a flat model",
-                planar_scene::scene,
+                planar_scene::planar,
             ))
             .with(Method::<Shapes>::new(
                 "mesh",
