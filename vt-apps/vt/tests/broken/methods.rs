@@ -25,8 +25,8 @@ fn unknown_kinds_of_every_role() {
         kind(
             "warp",
             "kind = \"se3\"",
-            "kind = \"se2\"",
-            &["task.toml:13", "unknown warp `se2`", "nearest: `se3`"],
+            "kind = \"se3d\"",
+            &["task.toml:13", "unknown warp `se3d`", "nearest: `se3`"],
         ),
         kind(
             "dynamics",
