@@ -9,6 +9,7 @@ pub mod geometry;
 pub mod language;
 pub mod nearest;
 pub mod node;
+mod products;
 pub mod quantity;
 pub mod reader;
 pub mod registry;
