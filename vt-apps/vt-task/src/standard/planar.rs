@@ -284,3 +284,54 @@ pub fn fit(outline: &Outline, [x, y, width, height]: [f64; 4], scaled: bool) -> 
     let translation = centre - middle.coords * scale;
     Sim2::new(translation.x, translation.y, 0.0, scale)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector4;
+    use vt_core::lie::LieGroup;
+
+    fn sigma(rotation: Option<f64>) -> PlanarSigma {
+        PlanarSigma {
+            translation: Pixels::new(3.0, "px").unwrap(),
+            rotation: rotation.map(|r| Angle::new(r, "rad").unwrap()),
+            scale: Share::new(5.0, "%"),
+            shear: None,
+            tilt: None,
+        }
+    }
+
+    #[test]
+    fn deviations_go_to_the_coordinates_of_the_space() {
+        let tangent: Vector4<f64> = Deviations::<Sim2>::tangent(&sigma(Some(0.1))).unwrap();
+        assert_eq!(tangent, Vector4::new(3.0, 3.0, 0.1, 0.05));
+        let homography: Tangent<SL3> = Deviations::<SL3>::tangent(&sigma(None)).unwrap();
+        assert_eq!(homography.as_slice(), [3.0, 3.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0]);
+        let e = Deviations::<TranslationScale>::tangent(&sigma(Some(0.1))).unwrap_err().to_string();
+        assert!(e.contains("rotation") && e.contains("translation-scale"), "{e}");
+        let e = Deviations::<Vector<2>>::tangent(&sigma(None)).unwrap_err().to_string();
+        assert!(e.contains("scale"), "{e}");
+    }
+
+    #[test]
+    fn a_box_is_filled_by_the_shape() {
+        let outline = Outline::rectangle(20.0, 10.0).unwrap();
+        let pose = fit(&outline, [100.0, 50.0, 40.0, 20.0], true);
+        // The first pixel's outer corner.
+        let corner = pose.act(&Point2::new(-10.0, -5.0));
+        assert!((corner - Point2::new(99.5, 49.5)).norm() < 1e-12, "{corner}");
+        assert!((pose.scale - 2.0).abs() < 1e-12);
+        assert_eq!(fit(&outline, [100.0, 50.0, 40.0, 20.0], false).scale, 1.0);
+    }
+
+    #[test]
+    fn spaces_keep_what_they_have_of_a_similarity() {
+        let s = Sim2::new(3.0, 4.0, 0.5, 2.0);
+        let x = Point2::new(1.0, -2.0);
+        for y in [Sim2::of(&s).act(&x), Affine2::of(&s).act(&x), SL3::of(&s).act(&x)] {
+            assert!((y - s.act(&x)).norm() < 1e-12);
+        }
+        assert_eq!(TranslationScale::of(&s), TranslationScale::new(3.0, 4.0, 2.0));
+        assert_eq!(Vector::<2>::of(&s).0, s.translation);
+    }
+}
