@@ -2,6 +2,7 @@
 
 pub mod flat;
 
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -38,10 +39,12 @@ pub fn start(
     });
     match done {
         Ok(outcome) => {
-            print!("{}", vt::verdict::describe(&outcome));
+            let mut text = vt::verdict::describe(&outcome);
             for (what, file) in results {
-                println!("{:<15}{}", format!("{what}:"), out.join(file).display());
+                text += &format!("{:<15}{}\n", format!("{what}:"), out.join(file).display());
             }
+            // Whoever reads may have seen enough.
+            let _ = std::io::stdout().write_all(text.as_bytes());
             ExitCode::SUCCESS
         }
         Err(RunError::Task(e)) => {
