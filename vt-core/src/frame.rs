@@ -55,6 +55,19 @@ impl Payload {
     }
 }
 
+impl Payload {
+    /// Columns and rows of a picture.
+    #[cfg(feature = "image")]
+    pub fn size(&self) -> Option<[u32; 2]> {
+        match self {
+            Self::Vector(_) => None,
+            Self::Grey(p) => Some(p.dimensions().into()),
+            Self::Rgb(p) => Some(p.dimensions().into()),
+            Self::Depth(p) => Some(p.dimensions().into()),
+        }
+    }
+}
+
 impl Frame {
     /// The grey picture, or an error that names what came instead.
     #[cfg(feature = "image")]

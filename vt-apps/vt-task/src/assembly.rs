@@ -29,7 +29,7 @@ use crate::registry::{Registry, Role};
 use crate::roles::{
     AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, FusionProduct, Fusions,
     Ground, InitContext, Inits, Losses, Modalities, ModalityContext, Motion, Motions, OutputContext, Outputs,
-    Place, ReinitContext, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TrackRule,
+    Place, ReinitContext, ReinitProduct, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TrackRule,
     TruthContext, Truths, Warps,
 };
 
@@ -343,18 +343,20 @@ where
         let loss: Option<Box<dyn LossDetector>> = c.optional::<Losses>("loss", ())?;
         Ok::<_, ReadError>(loss.unwrap_or_else(|| Box::new(NeverLost)))
     };
+    let picture = task.sensors.get(index).map_or_else(Default::default, |s| s.picture);
     let reinitializer = || {
-        let context = ReinitContext { prior: known.then_some(&prior), body };
-        Ok::<_, ReadError>(match section.reinit {
-            Some(_) => c.optional::<Reinits<P>>("reinit", context)?.flatten(),
+        let context = ReinitContext { prior: known.then_some(&prior), body, picture, frames };
+        let chosen = match section.reinit {
+            Some(_) => c.optional::<Reinits<P>>("reinit", context)?,
             // Where the method that is meant does not fit the body, a lost target coasts.
             None if section.loss.is_some() => {
                 let method = registry.method::<Reinits<P>>(DEFAULT_REINIT);
                 let node = Node::empty(document.root().span);
-                method.and_then(|m| m.build(&node, context).ok()).flatten()
+                method.and_then(|m| m.build(&node, context).ok())
             }
             None => None,
-        })
+        };
+        Ok::<_, ReadError>(chosen.unwrap_or_else(ReinitProduct::none))
     };
     let fusion = c.optional::<Fusions>("fusion", ())?;
 
@@ -365,14 +367,16 @@ where
         let deviation = design.as_ref().unwrap_or(&prior).covariance[(k, k)].sqrt();
         if deviation > 0.0 { deviation } else { 1.0 }
     });
-    let track = |name: String, sensors, modalities, number| {
+    let mut track = |name: String, sensors, modalities, number| {
+        let ReinitProduct { reinitializer, processing: units } = reinitializer()?;
+        processing.extend(units);
         let target = Target::new(
             name,
             sensors,
             modalities,
             estimator(number)?,
             loss()?,
-            reinitializer()?,
+            reinitializer,
             scale.clone(),
         );
         Ok::<_, ReadError>(if known { target } else { target.beginning_lost() })

@@ -91,7 +91,7 @@ pose_roles! {
     /// What is measured.
     Modalities, "modality", "modality", ModalityProduct<P>, ModalityContext<'a>;
     /// What is tried after a loss.
-    Reinits, "re-initialiser", "reinit", Option<Box<dyn Reinitializer<P>>>, ReinitContext<'a, P>;
+    Reinits, "re-initialiser", "reinit", ReinitProduct<P>, ReinitContext<'a, P>;
 }
 
 /// Motion model.
@@ -255,6 +255,32 @@ where
     }
 }
 
+/// A re-initialiser with the processing units that it asks for.
+pub struct ReinitProduct<P: Manifold>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// The re-initialiser; none where a lost target coasts.
+    pub reinitializer: Option<Box<dyn Reinitializer<P>>>,
+    /// Units that make the evidence it needs.
+    pub processing: Vec<Box<dyn Processing>>,
+}
+
+impl<P: Manifold> ReinitProduct<P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// A re-initialiser that needs no evidence but frames.
+    pub fn of_frames(reinitializer: impl Reinitializer<P> + 'static) -> Self {
+        Self { reinitializer: Some(Box::new(reinitializer)), processing: vec![] }
+    }
+
+    /// A lost target coasts.
+    pub fn none() -> Self {
+        Self { reinitializer: None, processing: vec![] }
+    }
+}
+
 /// What a re-initialiser is built from.
 pub struct ReinitContext<'a, P: Manifold>
 where
@@ -264,6 +290,10 @@ where
     pub prior: Option<&'a Gaussian<P>>,
     /// The body as the target's first sensor sees it.
     pub body: Body<'a>,
+    /// Payload of that sensor.
+    pub picture: Picture,
+    /// The first frames.
+    pub frames: &'a [Frame],
 }
 
 /// A body and the sensor that sees it.

@@ -2,8 +2,9 @@
 
 use nalgebra::{DefaultAllocator, Matrix2, Matrix2x3, Matrix2x4, Matrix3, OMatrix, Point2, SMatrix, U2};
 
-use super::{Affine2, SE2, SL3, Sim2, TranslationScale, Vector};
+use super::{Affine2, LieGroup, SE2, SL3, Sim2, TranslationScale, Vector};
 use crate::manifold::{Alloc, Coordinates};
+use crate::math;
 use crate::report::BeliefRecord;
 
 /// A Lie group of motions of the plane that keep straight lines straight, under perturbations on the right.
@@ -25,6 +26,16 @@ where
 
     /// `∂(Exp(δ) x)/∂δ` at `δ = 0`: how `x` moves under each generator.
     fn generators(x: &Point2<f64>) -> OMatrix<f64, U2, Self::D>;
+
+    /// The motion that leaves out of a similarity what this group does not have.
+    fn of(similarity: &Sim2) -> Self;
+
+    /// The similarity that is nearest to the motion at the origin.
+    fn similarity(&self) -> Sim2 {
+        let m = self.matrix();
+        let scale = (m.m11 * m.m22 - m.m12 * m.m21).abs().sqrt();
+        Sim2::new(m.m13, m.m23, math::atan2(m.m21 - m.m12, m.m11 + m.m22), scale)
+    }
 }
 
 impl PlanarMotion for Vector<2> {
@@ -33,6 +44,9 @@ impl PlanarMotion for Vector<2> {
     }
     fn generators(_: &Point2<f64>) -> Matrix2<f64> {
         Matrix2::identity()
+    }
+    fn of(s: &Sim2) -> Self {
+        Self(s.translation)
     }
 }
 
@@ -44,6 +58,9 @@ impl PlanarMotion for TranslationScale {
     fn generators(p: &Point2<f64>) -> Matrix2x3<f64> {
         Matrix2x3::new(1.0, 0.0, p.x, 0.0, 1.0, p.y)
     }
+    fn of(s: &Sim2) -> Self {
+        Self::new(s.translation.x, s.translation.y, s.scale)
+    }
 }
 
 impl PlanarMotion for SE2 {
@@ -52,6 +69,9 @@ impl PlanarMotion for SE2 {
     }
     fn generators(p: &Point2<f64>) -> Matrix2x3<f64> {
         Matrix2x3::new(1.0, 0.0, -p.y, 0.0, 1.0, p.x)
+    }
+    fn of(s: &Sim2) -> Self {
+        Self::new(s.translation.x, s.translation.y, s.angle())
     }
 }
 
@@ -63,6 +83,9 @@ impl PlanarMotion for Sim2 {
     fn generators(p: &Point2<f64>) -> Matrix2x4<f64> {
         Matrix2x4::new(1.0, 0.0, -p.y, p.x, 0.0, 1.0, p.x, p.y)
     }
+    fn of(s: &Sim2) -> Self {
+        *s
+    }
 }
 
 impl PlanarMotion for Affine2 {
@@ -72,6 +95,10 @@ impl PlanarMotion for Affine2 {
     fn generators(p: &Point2<f64>) -> SMatrix<f64, 2, 6> {
         let (x, y) = (p.x, p.y);
         SMatrix::<f64, 2, 6>::from_row_slice(&[1.0, 0.0, -y, x, x, y, 0.0, 1.0, x, y, -y, x])
+    }
+    fn of(s: &Sim2) -> Self {
+        let m: Matrix3<f64> = s.matrix();
+        Self::from_rows([m.m11, m.m12, m.m13], [m.m21, m.m22, m.m23]).unwrap_or_else(LieGroup::identity)
     }
 }
 
@@ -86,6 +113,9 @@ impl PlanarMotion for SL3 {
             [0.0, 1.0, x, y, -y, x, -x * y, -y * y],
         ];
         SMatrix::<f64, 2, 8>::from_row_slice(rows.as_flattened())
+    }
+    fn of(s: &Sim2) -> Self {
+        Self::from_matrix(&s.matrix()).unwrap_or_else(LieGroup::identity)
     }
 }
 
@@ -107,6 +137,19 @@ mod record_tests {
     use super::*;
     use crate::belief::Gaussian;
     use nalgebra::Vector4;
+
+    #[test]
+    fn motions_keep_what_they_have_of_a_similarity() {
+        let s = Sim2::new(3.0, 4.0, 0.5, 2.0);
+        let x = Point2::new(1.0, -2.0);
+        for y in [Sim2::of(&s).act(&x), Affine2::of(&s).act(&x), SL3::of(&s).act(&x)] {
+            assert!((y - s.act(&x)).norm() < 1e-12);
+        }
+        assert!((SL3::of(&s).similarity().matrix() - s.matrix()).norm() < 1e-12);
+        assert_eq!(TranslationScale::of(&s), TranslationScale::new(3.0, 4.0, 2.0));
+        assert!((SE2::of(&s).matrix() - SE2::new(3.0, 4.0, 0.5).matrix()).norm() < 1e-12);
+        assert_eq!(Vector::<2>::of(&s).0, s.translation);
+    }
 
     #[test]
     fn records_of_the_plane_are_matrices() {

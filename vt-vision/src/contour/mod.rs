@@ -27,9 +27,11 @@ mod lines;
 mod modality;
 mod params;
 mod places;
+mod search;
 
 pub use chamfer::{ChamferLikelihood, ChamferModality, ChamferParams};
 pub use likelihood::ContourLikelihood;
 pub use lines::{EdgeLines, REACH};
 pub use modality::ContourModality;
 pub use params::{ContourParams, MOST_SAMPLES};
+pub use search::{ChamferSearch, ChamferSearchParams};

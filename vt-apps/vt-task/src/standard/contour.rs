@@ -7,15 +7,17 @@ use vt_core::error::ConfigError;
 use vt_core::manifold::Alloc;
 use vt_models::warp::PlanarWarp;
 use vt_vision::canny::{CannyParams, Norm, Thresholds};
-use vt_vision::contour::{ChamferModality, ChamferParams, ContourModality, ContourParams, MOST_SAMPLES};
+use vt_vision::contour::{
+    ChamferModality, ChamferParams, ChamferSearch, ChamferSearchParams, ContourModality, ContourParams, MOST_SAMPLES,
+};
 use vt_vision::gaussian::Gaussian;
 
 use super::edges::{Hypotheses, pixels};
 use super::planar::PlanarSpace;
 use crate::language::Picture;
-use crate::quantity::Pixels;
+use crate::quantity::{Angle, Pixels};
 use crate::registry::Params;
-use crate::roles::{ModalityContext, ModalityProduct};
+use crate::roles::{ModalityContext, ModalityProduct, ReinitContext, ReinitProduct};
 
 /// Parameters of the modality `contour`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -180,4 +182,60 @@ where
     let modality = ChamferModality::new(p.params()?, canny, context.sensor, warp, contour)?;
     let processing = Box::new(modality.processing());
     Ok(ModalityProduct { modality: Box::new(modality), processing: vec![processing] })
+}
+
+/// Parameters of the re-initialiser `chamfer`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReinitChamfer {
+    /// Angles that are searched: as far from the last trusted one, up to half a turn.
+    pub turn: Angle,
+    /// Scales that are searched: the largest factor between them and the last trusted one, either way.
+    pub magnification: f64,
+    /// Most poses that are tried in a picture.
+    pub proposals: usize,
+    /// Factor on the deviations of the last trusted pose, which is tried first; 0 leaves it out.
+    pub last_trusted: f64,
+    /// How outline and edges are compared.
+    pub chamfer: Chamfer,
+}
+
+impl Default for ReinitChamfer {
+    fn default() -> Self {
+        let ChamferSearchParams { turn, magnification, proposals, .. } = ChamferSearchParams::default();
+        // A finite number of a known unit always is a quantity.
+        let turn = Angle::new(turn.to_degrees(), "deg").unwrap_or_default();
+        Self { turn, magnification, proposals, last_trusted: 3.0, chamfer: Chamfer::default() }
+    }
+}
+
+impl ReinitChamfer {
+    fn params(&self) -> Result<ChamferSearchParams, ConfigError> {
+        let Self { turn, magnification, proposals, .. } = *self;
+        let chamfer = self.chamfer.params()?;
+        ChamferSearchParams { turn: turn.si(), magnification, proposals, chamfer }.check()
+    }
+}
+
+impl Params for ReinitChamfer {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.chamfer.check()?;
+        super::init::last_trusted(self.last_trusted)?;
+        self.params().map(drop)
+    }
+}
+
+pub(super) fn search<P: PlanarSpace>(
+    p: ReinitChamfer,
+    context: ReinitContext<'_, P>,
+) -> Result<ReinitProduct<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let contour = context.body.shape.outline()?.sample(p.chamfer.samples);
+    let canny = p.chamfer.canny.params(context.picture)?;
+    let search = ChamferSearch::new(p.params()?, canny, context.body.sensor, contour)?
+        .with_last_trusted(super::init::last_trusted(p.last_trusted)?);
+    let processing = Box::new(search.processing());
+    Ok(ReinitProduct { reinitializer: Some(Box::new(search)), processing: vec![processing] })
 }

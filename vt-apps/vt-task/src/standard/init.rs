@@ -3,7 +3,6 @@
 use nalgebra::{DefaultAllocator, Vector6};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vt_core::agent::Reinitializer;
 use vt_core::belief::Gaussian;
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
@@ -15,7 +14,7 @@ use crate::geometry::PoseText;
 use crate::language::FilePath;
 use crate::quantity::{Angle, Length};
 use crate::registry::Params;
-use crate::roles::{Deviations, InitContext, ReinitContext, Start};
+use crate::roles::{Deviations, InitContext, ReinitContext, ReinitProduct, Start};
 
 /// Deviations of a prior pose, the same for all axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -145,21 +144,26 @@ impl Default for ReinitPrior {
 
 impl Params for ReinitPrior {
     fn check(&self) -> Result<(), ConfigError> {
-        if self.last_trusted < 0.0 {
-            return Err(ConfigError::parameter("last_trusted", self.last_trusted, "a number from 0"));
-        }
-        Ok(())
+        last_trusted(self.last_trusted).map(drop)
     }
+}
+
+/// The factor on the deviations of the last trusted pose; none for zero.
+pub(super) fn last_trusted(factor: f64) -> Result<Option<f64>, ConfigError> {
+    if factor >= 0.0 {
+        return Ok((factor > 0.0).then_some(factor));
+    }
+    Err(ConfigError::parameter("last_trusted", factor, "a number from 0"))
 }
 
 pub(super) fn prior<P: Manifold>(
     p: ReinitPrior,
     context: ReinitContext<'_, P>,
-) -> Result<Option<Box<dyn Reinitializer<P>>>, ConfigError>
+) -> Result<ReinitProduct<P>, ConfigError>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    let last_trusted = (p.last_trusted > 0.0).then_some(p.last_trusted);
+    let last_trusted = last_trusted(p.last_trusted)?;
     let priors = context.prior.cloned().into_iter().collect();
-    Ok(Some(Box::new(PriorPoses { priors, last_trusted })))
+    Ok(ReinitProduct::of_frames(PriorPoses { priors, last_trusted }))
 }

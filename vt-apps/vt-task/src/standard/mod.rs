@@ -294,6 +294,16 @@ where
         .with(Method::<Motions<P>>::new("constant-velocity", "white acceleration", planar::velocity::<P>))
         .with(Method::<Inits<P>>::new("pose", "a pose written in the task", planar::pose::<P>))
         .with(Method::<Inits<P>>::new("box", "the pose of a box in the picture", planar::on_box::<P>))
+        .with(Method::<Reinits<P>>::new(
+            "centre",
+            "the start in the middle of the picture, as in the paper",
+            planar::centre::<P>,
+        ))
+        .with(Method::<Reinits<P>>::new(
+            "chamfer",
+            "a search of the picture's edges for the outline",
+            contour::search::<P>,
+        ))
         .with(
             Method::<Modalities<P>>::new("contour", "outline against Canny edges", contour::contour::<P>)
                 .levels(&[Pixel]),

@@ -1,12 +1,14 @@
 //! Motions of the picture plane: their deviations, motion models and priors.
 
-use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, Matrix3, Point2, U1, Vector2};
+use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, Point2, U1, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use vt_core::belief::Gaussian;
 use vt_core::dynamics::{Brownian, ConstantVelocity};
 use vt_core::error::ConfigError;
-use vt_core::lie::{Affine2, PlanarMotion, SE2, SL3, Sim2, TranslationScale, Vector};
+use vt_core::lie::{Affine2, LieGroup, PlanarMotion, SE2, SL3, Sim2, TranslationScale, Vector};
 use vt_core::manifold::{Alloc, Tangent};
+use vt_fusion::reinitialization::PriorPoses;
 use vt_models::outline::Outline;
 
 use super::init::around;
@@ -15,7 +17,9 @@ use crate::quantity::{
     PixelSpeedDiffusion, Pixels, Share, ShareDiffusion, ShareSpeed, ShareSpeedDiffusion,
 };
 use crate::registry::{NoParams, Params};
-use crate::roles::{Chosen, Deviations, Freedom, InitContext, Motion, Start, StateAlloc};
+use crate::roles::{
+    Chosen, Deviations, Freedom, InitContext, Motion, ReinitContext, ReinitProduct, Start, StateAlloc,
+};
 
 /// What a coordinate of the tangent does to the plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,34 +43,23 @@ where
 {
     /// In tangent order.
     const AXES: &'static [Axis];
-
-    /// The motion that leaves out of a similarity what this space does not have.
-    fn of(similarity: &Sim2) -> Self;
 }
 
 macro_rules! spaces {
-    ($($space:ty, [$($axis:ident),+], $s:ident => $of:expr;)+) => {$(
+    ($($space:ty, [$($axis:ident),+];)+) => {$(
         impl PlanarSpace for $space {
             const AXES: &'static [Axis] = &[$(Axis::$axis),+];
-            fn of($s: &Sim2) -> Self {
-                $of
-            }
         }
     )+};
 }
 
 spaces! {
-    Vector<2>, [Shift, Shift], s => Self(s.translation);
-    TranslationScale, [Shift, Shift, Scale], s => Self::new(s.translation.x, s.translation.y, s.scale);
-    SE2, [Shift, Shift, Turn], s => Self::new(s.translation.x, s.translation.y, s.angle());
-    Sim2, [Shift, Shift, Turn, Scale], s => *s;
-    Affine2, [Shift, Shift, Turn, Scale, Shear, Shear], s => {
-        let m: Matrix3<f64> = s.matrix();
-        Self::from_rows([m.m11, m.m12, m.m13], [m.m21, m.m22, m.m23]).unwrap_or_else(vt_core::lie::LieGroup::identity)
-    };
-    SL3, [Shift, Shift, Turn, Scale, Shear, Shear, Tilt, Tilt], s => {
-        Self::from_matrix(&s.matrix()).unwrap_or_else(vt_core::lie::LieGroup::identity)
-    };
+    Vector<2>, [Shift, Shift];
+    TranslationScale, [Shift, Shift, Scale];
+    SE2, [Shift, Shift, Turn];
+    Sim2, [Shift, Shift, Turn, Scale];
+    Affine2, [Shift, Shift, Turn, Scale, Shear, Shear];
+    SL3, [Shift, Shift, Turn, Scale, Shear, Shear, Tilt, Tilt];
 }
 
 /// Pixels over which a tilt changes the scale by its share.
@@ -285,6 +278,43 @@ pub fn fit(outline: &Outline, [x, y, width, height]: [f64; 4], scaled: bool) -> 
     Sim2::new(translation.x, translation.y, 0.0, scale)
 }
 
+/// Parameters of the re-initialiser `centre`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReinitCentre {
+    /// Uncertainty about the middle of the picture, and about angle and scale of the start.
+    pub sigma: PlanarSigma,
+}
+
+impl Params for ReinitCentre {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.sigma.check()
+    }
+}
+
+/// The paper's prior after a loss: as at the start, but in the middle of the picture.
+pub(super) fn centre<P: PlanarSpace>(
+    p: ReinitCentre,
+    context: ReinitContext<'_, P>,
+) -> Result<ReinitProduct<P>, ConfigError>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let (body, frames) = (context.body, context.frames);
+    let frame = frames.iter().find(|f| f.sensor == body.sensor);
+    let size = frame.and_then(|f| f.payload.size()).ok_or_else(|| ConfigError::Mismatch {
+        found: "a sensor without a first picture".into(),
+        expected: "a picture, whose middle is the prior".into(),
+    })?;
+    let [low, high] = body.shape.outline()?.bounds();
+    let start = context.prior.map_or_else(Sim2::identity, |prior| prior.mean.similarity());
+    let middle = Vector2::from(size.map(|n| f64::from(n) - 1.0)) / 2.0;
+    let shift = middle - start.act(&nalgebra::center(&low, &high)).coords + start.translation;
+    let mean = P::of(&Sim2 { translation: shift, ..start });
+    let prior = Gaussian::from_sigmas(mean, &Deviations::<P>::tangent(&p.sigma)?);
+    Ok(ReinitProduct::of_frames(PriorPoses { priors: vec![prior], last_trusted: None }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -322,16 +352,5 @@ mod tests {
         assert!((corner - Point2::new(99.5, 49.5)).norm() < 1e-12, "{corner}");
         assert!((pose.scale - 2.0).abs() < 1e-12);
         assert_eq!(fit(&outline, [100.0, 50.0, 40.0, 20.0], false).scale, 1.0);
-    }
-
-    #[test]
-    fn spaces_keep_what_they_have_of_a_similarity() {
-        let s = Sim2::new(3.0, 4.0, 0.5, 2.0);
-        let x = Point2::new(1.0, -2.0);
-        for y in [Sim2::of(&s).act(&x), Affine2::of(&s).act(&x), SL3::of(&s).act(&x)] {
-            assert!((y - s.act(&x)).norm() < 1e-12);
-        }
-        assert_eq!(TranslationScale::of(&s), TranslationScale::new(3.0, 4.0, 2.0));
-        assert_eq!(Vector::<2>::of(&s).0, s.translation);
     }
 }

@@ -5,17 +5,16 @@ use std::sync::Arc;
 use nalgebra::{DefaultAllocator, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vt_core::agent::Reinitializer;
 use vt_core::error::ConfigError;
 use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Manifold};
 use vt_models::edges::{EdgeModel, EdgeOptions};
 use vt_vision::view_search::{TRUSTED, ViewReinitializer, ViewSearchParams};
 
-use super::init::{Sigma, around};
+use super::init::{Sigma, around, last_trusted};
 use crate::quantity::{Angle, Length, Pixels};
 use crate::registry::{NoParams, Params};
-use crate::roles::{Body, InitContext, ReinitContext, Start};
+use crate::roles::{Body, InitContext, ReinitContext, ReinitProduct, Start};
 
 fn default_size() -> [Pixels; 2] {
     // A finite number of a known unit always is a quantity.
@@ -74,9 +73,7 @@ impl Params for ReinitViews {
         if self.sizes_per_frame == 0 {
             return Err(ConfigError::parameter("sizes_per_frame", 0, "at least 1"));
         }
-        if self.last_trusted < 0.0 {
-            return Err(ConfigError::parameter("last_trusted", self.last_trusted, "a number from 0"));
-        }
+        last_trusted(self.last_trusted)?;
         self.search().check().map(drop)
     }
 }
@@ -138,21 +135,21 @@ pub(super) fn auto(p: InitAuto, context: InitContext<'_>) -> Result<Start<SE3>, 
 pub(super) fn views(
     p: ReinitViews,
     context: ReinitContext<'_, SE3>,
-) -> Result<Option<Box<dyn Reinitializer<SE3>>>, ConfigError> {
+) -> Result<ReinitProduct<SE3>, ConfigError> {
     // What was never known is not tried.
-    let last_trusted = (p.last_trusted > 0.0 && context.prior.is_some()).then_some(p.last_trusted);
+    let last_trusted = last_trusted(p.last_trusted)?.filter(|_| context.prior.is_some());
     let priors = context.prior.cloned().into_iter().collect();
     let search = reinitializer(&context.body, p.search(), p.sizes_per_frame)?;
-    Ok(Some(Box::new(search.with_priors(last_trusted, priors))))
+    Ok(ReinitProduct::of_frames(search.with_priors(last_trusted, priors)))
 }
 
 /// Never proposes anything.
 pub(super) fn none<P: Manifold>(
     _: NoParams,
     _: ReinitContext<'_, P>,
-) -> Result<Option<Box<dyn Reinitializer<P>>>, ConfigError>
+) -> Result<ReinitProduct<P>, ConfigError>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    Ok(None)
+    Ok(ReinitProduct::none())
 }
