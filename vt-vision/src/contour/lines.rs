@@ -122,11 +122,8 @@ impl EdgeLines {
                 from_fn(|k| (along * x_middles[k] + across * y_middles[k]).abs() >= ALIGNED);
             let [rows, columns] = [along.abs() >= SHARE * across.abs(), across.abs() >= SHARE * along.abs()];
             for (class, _) in aligned.iter().enumerate().filter(|(_, aligned)| **aligned) {
-                let (seen, layout, line, at) = if class < CLASSES {
-                    (rows, self.rows, v, u)
-                } else {
-                    (columns, self.columns, u, v)
-                };
+                let (seen, layout, line, at) =
+                    if class < CLASSES { (rows, self.rows, v, u) } else { (columns, self.columns, u, v) };
                 if seen {
                     let word = layout.line((class % CLASSES) as u32, line) + at / 64;
                     self.words[word as usize] |= 1 << (at % 64);
@@ -152,10 +149,8 @@ impl EdgeLines {
         // On the contour, n_s ds + n_t dt = 0.
         let start = s - slope * ((line - ROUND) - t);
         // NaN fails the comparisons.
-        let inside = (t >= -0.5)
-            & (t < f64::from(lines) - 0.5)
-            & (start >= -0.5)
-            & (start < f64::from(length) - 0.5);
+        let inside =
+            (t >= -0.5) & (t < f64::from(lines) - 0.5) & (start >= -0.5) & (start < f64::from(length) - 0.5);
         let line = line.to_bits() as u32;
         let middle = (start + ROUND).to_bits() as u32;
         // From -1 to 1 in equal parts; rounding never goes past the last.
