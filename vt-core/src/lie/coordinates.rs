@@ -132,9 +132,16 @@ impl Coordinates for Sim3 {
     }
 }
 
+/// Names of the spaces of vectors by their dimension; the first is that of dimensions which are not known at compile time, or
+/// too large.
+const VECTORS: [&str; 17] = [
+    "vector", "vector1", "vector2", "vector3", "vector4", "vector5", "vector6", "vector7", "vector8",
+    "vector9", "vector10", "vector11", "vector12", "vector13", "vector14", "vector15", "vector16",
+];
+
 /// The components.
 impl<const N: usize> Coordinates for Vector<N> {
-    const SPACE: &'static str = "vector";
+    const SPACE: &'static str = VECTORS[if N < VECTORS.len() { N } else { 0 }];
     fn write(&self, out: &mut Vec<f64>) {
         out.extend(self.0.iter());
     }
@@ -145,11 +152,26 @@ impl<const N: usize> Coordinates for Vector<N> {
 
 /// The components.
 impl Coordinates for DynVector {
-    const SPACE: &'static str = "vector";
+    const SPACE: &'static str = VECTORS[0];
     fn write(&self, out: &mut Vec<f64>) {
         out.extend(self.0.iter());
     }
     fn read(c: &[f64]) -> Option<Self> {
         c.iter().all(|v| v.is_finite()).then(|| Self(DVector::from_column_slice(c)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vectors_of_different_sizes_are_different_spaces() {
+        assert_eq!(Vector::<2>::SPACE, "vector2");
+        assert_eq!(Vector::<16>::SPACE, "vector16");
+        assert_eq!([DynVector::SPACE, Vector::<17>::SPACE], ["vector"; 2]);
+        for (n, name) in VECTORS.iter().enumerate().skip(1) {
+            assert_eq!(*name, format!("vector{n}"));
+        }
     }
 }

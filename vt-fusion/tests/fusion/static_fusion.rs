@@ -10,6 +10,7 @@ use vt_core::manifold::{Manifold, Square};
 use vt_core::measurement::{Level, Linearized, Measurement, Modality, Quality};
 use vt_core::pose_measurement::PoseMeasurement;
 use vt_core::report::StepReport;
+use vt_core::tempering::Tempered;
 use vt_estimators::map::maximum_a_posteriori;
 use vt_fusion::TrackingLoop;
 use vt_fusion::stacked::{Stacked, StaticFusion};
@@ -158,4 +159,27 @@ fn figures_add_up() {
     assert_eq!(Stacked(&[&a as &dyn Measurement<SE3>]).level(), Level::Object);
     let nothing: Stacked<'_, SE3> = Stacked(&[]);
     assert_eq!(nothing.quality(&some_pose(1)), Quality::default());
+}
+
+/// A product of likelihoods, each to a power of its own, is the sum of the logarithms divided by the temperatures.
+#[test]
+fn a_stack_at_temperatures_is_their_product() {
+    let tolerance = MeasurementTolerance { step: 1e-3, ..MeasurementTolerance::default() };
+    for_each((2_u64..1000, 0.2..20.0_f64, 0.2..20.0_f64), |(seed, hot, cold)| {
+        let (pose, parts) = (some_pose(1).retract(&(some_pose(seed).log() * 0.5)), parts());
+        let tempered =
+            [(&parts[0], hot), (&parts[1], cold)].map(|(z, t)| Tempered::new(z, t).expect("positive"));
+        let measurements = [&tempered[0], &tempered[1]].map(|z| z as &dyn Measurement<SE3>);
+        let product = Stacked(&measurements);
+        check_measurement(&product, &pose, tolerance);
+        let poses = [pose, pose.retract(&Vector6::repeat(0.01))];
+        let (mut found, mut first, mut second) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        product.log_likelihoods(&poses, &mut found);
+        parts[0].log_likelihoods(&poses, &mut first);
+        parts[1].log_likelihoods(&poses, &mut second);
+        for k in 0..2 {
+            let expected = first[k] / hot + second[k] / cold;
+            assert!((found[k] - expected).abs() <= 1e-12 * expected.abs(), "{} {expected}", found[k]);
+        }
+    });
 }

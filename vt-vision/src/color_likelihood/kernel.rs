@@ -19,8 +19,56 @@ pub(super) struct Pixel {
     pub bin: u16,
     /// Place on the unit disc.
     pub place: [f64; 2],
-    /// `1 − u² − v²`, not negative.
-    pub weight: f64,
+}
+
+/// A run of places of the lattice along a row.
+pub(super) struct Row {
+    /// Number of the first place along the row.
+    first: f64,
+    pub count: usize,
+    /// Place on the unit disc of the row's number 0, homogeneous, and the way from one to the next.
+    start: [f64; 3],
+    along: [f64; 3],
+    affine: bool,
+}
+
+impl Row {
+    /// Place on the unit disc of one of the run.
+    #[inline(always)]
+    fn place(&self, k: usize) -> [f64; 2] {
+        let x = self.first + k as f64;
+        let [u, v] = [0, 1].map(|axis| self.start[axis] + self.along[axis] * x);
+        if self.affine {
+            return [u, v];
+        }
+        let w = self.start[2] + self.along[2] * x;
+        [u / w, v / w]
+    }
+
+    #[inline(always)]
+    fn weight(&self, k: usize) -> f64 {
+        let [u, v] = self.place(k);
+        (1.0 - u * u - v * v).max(0.0)
+    }
+
+    /// Weights from one of the run on.
+    #[inline(always)]
+    pub fn weights(&self, from: usize, out: &mut [f64]) {
+        if self.affine {
+            let (u0, v0) = (self.start[0], self.start[1]);
+            let first = self.first + from as f64;
+            // Numbers of 32 bits become others in lanes.
+            for (k, w) in (0_u32..).zip(out.iter_mut()) {
+                let x = first + f64::from(k);
+                let (u, v) = (u0 + self.along[0] * x, v0 + self.along[1] * x);
+                *w = (1.0 - u * u - v * v).max(0.0);
+            }
+            return;
+        }
+        for (k, w) in out.iter_mut().enumerate() {
+            *w = self.weight(from + k);
+        }
+    }
 }
 
 /// Bin of what lies outside of the picture.
@@ -70,6 +118,31 @@ impl KernelPart {
         lattice: Lattice,
         mut f: impl FnMut(Pixel),
     ) -> bool {
+        let stride = lattice.stride as usize;
+        self.visit_rows(
+            bins,
+            image_from_object,
+            lattice,
+            #[inline(always)]
+            |row, bins| {
+                for k in 0..row.count {
+                    let bin = bins.get(k * stride).map_or(OUTSIDE, |bin| *bin);
+                    f(Pixel { bin, place: row.place(k) });
+                }
+            },
+        )
+    }
+
+    /// Calls `f` for every run of pixels of a row of the lattice under the kernel, with the bins from the first pixel of the run on,
+    /// every so-many-th of which is on the lattice; none for those outside of the picture.
+    #[inline(always)]
+    pub(super) fn visit_rows(
+        &self,
+        bins: &Plane<u16>,
+        image_from_object: &Matrix3<f64>,
+        lattice: Lattice,
+        mut f: impl FnMut(&Row, &[u16]),
+    ) -> bool {
         let Some(rows) = self.rows_in(image_from_object) else { return false };
         let Some(object_from_image) = image_from_object.try_inverse() else { return false };
         // Place on the unit disc from pixel, homogeneous.
@@ -86,51 +159,52 @@ impl KernelPart {
         }
         let region = bins.region();
         let width = region.width as usize;
+        // What of a row is in the picture.
+        let (stride, left) = (i64::from(lattice.stride), i64::from(region.x));
+        let (leftmost, rightmost) =
+            ((left + stride - 1).div_euclid(stride), (left + i64::from(region.width) - 1).div_euclid(stride));
+        // u² + v² < w² along a row: A x² + 2 B x + C < 0.
+        let a = m.m11 * m.m11 + m.m21 * m.m21 - m.m31 * m.m31;
+        let scale = 1.0 / (a * step);
+        let along = [m.m11 * step, m.m21 * step, m.m31 * step];
         let mut looked = 0.0;
         for j in top as i64..=bottom as i64 {
             let y = j as f64 * step;
-            let [u0, v0, w0] = [m.m12 * y + m.m13, m.m22 * y + m.m23, m.m32 * y + m.m33];
-            // u² + v² < w² along the row: A x² + 2 B x + C < 0.
-            let a = m.m11 * m.m11 + m.m21 * m.m21 - m.m31 * m.m31;
+            let start = [m.m12 * y + m.m13, m.m22 * y + m.m23, m.m32 * y + m.m33];
+            let [u0, v0, w0] = start;
             let b = m.m11 * u0 + m.m21 * v0 - m.m31 * w0;
             let c = u0 * u0 + v0 * v0 - w0 * w0;
             let discriminant = b * b - a * c;
             if !(discriminant > 0.0 && a > 0.0) {
                 continue;
             }
-            let (root, scale) = (discriminant.sqrt(), 1.0 / (a * step));
+            let root = discriminant.sqrt();
             let (first, last) = (((-b - root) * scale).ceil(), ((-b + root) * scale).floor());
             looked += last - first;
             let few = looked < lattice.most;
             if !few {
                 return false;
             }
-            let pixel = |i: i64, bin: u16| {
-                let x = i as f64 * step;
-                let (mut u, mut v) = (m.m11 * x + u0, m.m21 * x + v0);
-                if !affine {
-                    let w = m.m31 * x + w0;
-                    (u, v) = (u / w, v / w);
+            let mut run = |first: i64, end: i64, bins: &[u16]| {
+                if end > first {
+                    f(
+                        &Row { first: first as f64, count: (end - first) as usize, start, along, affine },
+                        bins,
+                    );
                 }
-                Pixel { bin, place: [u, v], weight: (1.0 - u * u - v * v).max(0.0) }
             };
-            let (first, last) = (first as i64, last as i64);
-            // What of the row is in the picture.
-            let (stride, left) = (i64::from(lattice.stride), i64::from(region.x));
-            let from = first.max((left + stride - 1).div_euclid(stride));
-            let to = last.min((left + i64::from(region.width) - 1).div_euclid(stride));
+            let (first, end) = (first as i64, last as i64 + 1);
+            let from = first.max(leftmost);
+            let to = end.min(rightmost + 1);
             let inside = y >= f64::from(region.y) && y < f64::from(region.y) + f64::from(region.height);
-            if !inside || from > to {
-                (first..=last).for_each(|i| f(pixel(i, OUTSIDE)));
+            if !inside || from >= to {
+                run(first, end, &[]);
                 continue;
             }
-            (first..from).for_each(|i| f(pixel(i, OUTSIDE)));
+            run(first, from, &[]);
             let row = &bins.values()[(j * stride - i64::from(region.y)) as usize * width..][..width];
-            let along = row[(from * stride - left) as usize..].iter().step_by(lattice.stride as usize);
-            for (i, &bin) in (from..=to).zip(along) {
-                f(pixel(i, bin));
-            }
-            (to + 1..=last).for_each(|i| f(pixel(i, OUTSIDE)));
+            run(from, to, &row[(from * stride - left) as usize..]);
+            run(to, end, &[]);
         }
         true
     }
@@ -186,9 +260,9 @@ mod tests {
             let warp = map(20.0, x, y).compose(&small).compose(&map(1.0 / 20.0, 0.0, 0.0));
             let part = KernelPart { centre: Point2::new(1.0, -2.0), half_axes: Vector2::new(a, b) };
             let (mut found, mut outside) = ([0.0; 7], 0.0);
-            let visited = part.visit(&bins, &warp.matrix, Lattice { stride, most: 1e5 }, |p| match p.bin {
-                OUTSIDE => outside += p.weight,
-                bin => found[usize::from(bin)] += p.weight,
+            let visited = part.visit(&bins, &warp.matrix, Lattice { stride, most: 1e5 }, |p| {
+                let weight = (1.0 - p.place[0].powi(2) - p.place[1].powi(2)).max(0.0);
+                if p.bin == OUTSIDE { outside += weight } else { found[usize::from(p.bin)] += weight }
             });
             prop_assert!(visited);
             let (mut expected, mut beyond) = ([0.0; 7], 0.0);

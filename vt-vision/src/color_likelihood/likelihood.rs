@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{DefaultAllocator, Dim, Matrix3, OVector, U1, Vector2};
-use vt_core::batch::{LANES, with_rows};
+use vt_core::batch::{LANES, vectorized, with_rows};
 use vt_core::lie::PlanarMotion;
 use vt_core::manifold::{Alloc, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
@@ -50,14 +50,26 @@ fn with_numbers<R>(n: usize, f: impl FnOnce(&mut [f64]) -> R) -> R {
 }
 
 /// `Σ √(p q)` for the roots of `p`.
-#[inline]
 fn bhattacharyya(roots: &[f64], q: &[f64]) -> f64 {
-    // Four sums, since each addition waits for the one before.
-    let mut sums = [0.0; 4];
-    for (k, (root, q)) in roots.iter().zip(q).enumerate() {
-        sums[k % 4] += root * q.sqrt();
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+    vectorized(
+        #[inline(always)]
+        || {
+            // Eight sums, since each addition waits for the one before.
+            let mut sums = [0.0; 8];
+            let (whole, rest) = roots.as_chunks::<8>();
+            let (others, q) = q.as_chunks::<8>();
+            for (roots, q) in whole.iter().zip(others) {
+                for k in 0..8 {
+                    sums[k] += roots[k] * q[k].sqrt();
+                }
+            }
+            for (sum, (root, q)) in sums.iter_mut().zip(rest.iter().zip(q)) {
+                *sum += root * q.sqrt();
+            }
+            let [a, b, c, d, e, f, g, h] = sums;
+            ((a + e) + (c + g)) + ((b + f) + (d + h))
+        },
+    )
 }
 
 impl<P: PlanarMotion> ColorLikelihood<P>
@@ -167,18 +179,10 @@ where
         f: impl FnOnce(&[f64], f64) -> R,
     ) -> R {
         with_numbers(self.classes * PARTIAL, |sums| {
-            sums.fill(0.0);
-            let mut turn = 0;
-            let whole = part.visit(&self.bins.bins, image_from_object, self.lattice, |pixel| {
-                sums[self.class(pixel.bin) * PARTIAL + turn] += pixel.weight;
-                turn = (turn + 1) % PARTIAL;
-            });
-            let mut total = 0.0;
-            for k in 0..self.classes {
-                let part = &sums[k * PARTIAL..][..PARTIAL];
-                sums[k] = ((part[0] + part[1]) + (part[2] + part[3])) * self.weights[k];
-                total += sums[k];
-            }
+            let (whole, total) = vectorized(
+                #[inline(always)]
+                || self.sum(part, image_from_object, sums),
+            );
             let q = &mut sums[..self.classes];
             let seen = whole && total > 0.0;
             if !seen {
@@ -191,6 +195,59 @@ where
             q.iter_mut().for_each(|q| *q = (*q * reciprocal + floor) * scale);
             f(q, total)
         })
+    }
+
+    /// Weighted sums of all classes at the start of `sums`, and whether all pixels of the part were looked at and the sum of all.
+    #[inline(always)]
+    fn sum(&self, part: &KernelPart, image_from_object: &Matrix3<f64>, sums: &mut [f64]) -> (bool, f64) {
+        sums.fill(0.0);
+        let (classes, stride) = (self.classes, self.lattice.stride as usize);
+        let (by_class, _) = sums.as_chunks_mut::<PARTIAL>();
+        let mut weights = [0.0; LANES];
+        let whole = part.visit_rows(
+            &self.bins.bins,
+            image_from_object,
+            self.lattice,
+            #[inline(always)]
+            |row, bins| {
+                for from in (0..row.count).step_by(LANES) {
+                    let n = (row.count - from).min(LANES);
+                    row.weights(from, &mut weights[..n]);
+                    if bins.is_empty() {
+                        by_class[classes - 1][0] += weights[..n].iter().fold(0.0, |a, b| a + b);
+                        continue;
+                    }
+                    let bins = &bins[from * stride..];
+                    let weights = &weights[..n];
+                    if stride == 1 {
+                        let (bins, rest) = bins[..n].as_chunks::<PARTIAL>();
+                        let (weights, others) = weights.as_chunks::<PARTIAL>();
+                        for (bins, weights) in bins.iter().zip(weights) {
+                            for turn in 0..PARTIAL {
+                                by_class[usize::from(bins[turn])][turn] += weights[turn];
+                            }
+                        }
+                        for (turn, (bin, weight)) in rest.iter().zip(others).enumerate() {
+                            by_class[usize::from(*bin)][turn] += weight;
+                        }
+                    } else {
+                        for (k, (bin, weight)) in bins.iter().step_by(stride).zip(weights).enumerate() {
+                            by_class[usize::from(*bin)][k % PARTIAL] += weight;
+                        }
+                    }
+                }
+            },
+        );
+        // Totals of every fourth class, since each addition waits for the one before.
+        let mut totals = [0.0; 4];
+        for k in 0..classes {
+            let [a, b, c, d] = by_class[k];
+            let sum = ((a + b) + (c + d)) * self.weights[k];
+            by_class[k / PARTIAL][k % PARTIAL] = sum;
+            totals[k % 4] += sum;
+        }
+        let total = (totals[0] + totals[1]) + (totals[2] + totals[3]);
+        (whole, total)
     }
 
     /// Calls `f` with the Bhattacharyya coefficient of each part with its reference.

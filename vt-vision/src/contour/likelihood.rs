@@ -4,14 +4,15 @@ use core::marker::PhantomData;
 
 use nalgebra::{DefaultAllocator, Point2};
 use vt_core::agent::Warp;
+use vt_core::batch::{LANES, vectorized, with_rows};
 use vt_core::manifold::{Alloc, Manifold, Tangent};
 use vt_core::math;
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 use vt_models::contour::Contour;
 
-use super::lines::EdgeLines;
+use super::lines::{Aim, EdgeLines};
 use super::params::ContourParams;
-use super::places::{Place, places};
+use super::places::{Normals, Place, places, with_normals};
 use crate::edge::Hypotheses;
 
 /// `√(2π)`.
@@ -35,6 +36,7 @@ where
     information: f64,
     /// `1 / (√(2π) σ q λ)`.
     beta: f64,
+    log_beta: f64,
     /// `1 / τ`.
     weight: f64,
     pose: PhantomData<fn() -> P>,
@@ -59,6 +61,7 @@ where
     pub(super) fn new(params: &ContourParams, warp: W, contour: Contour<W::Body>) -> Self {
         let alpha = params.miss_probability * params.clutter_density;
         let temperature = params.temperature.unwrap_or(contour.points().len() as f64 / 8.0);
+        let beta = 1.0 / (SQRT_TAU * params.sigma * alpha);
         Self {
             warp,
             contour,
@@ -66,7 +69,8 @@ where
             hypotheses: params.hypotheses,
             range: params.range,
             information: 1.0 / (params.sigma * params.sigma),
-            beta: 1.0 / (SQRT_TAU * params.sigma * alpha),
+            beta,
+            log_beta: math::ln(beta),
             weight: 1.0 / temperature,
             pose: PhantomData,
         }
@@ -86,23 +90,82 @@ where
             Hypotheses::Single => {
                 let mut least = f64::INFINITY;
                 self.lines.each(place.y, place.normal, self.range, |r, _| least = least.min(r * r));
-                (1.0, (math::ln(self.beta) - 0.5 * self.information * least).max(0.0))
+                (1.0, self.nearest(least))
             }
         }
     }
 
-    fn log_likelihood(&self, pose: &P) -> f64 {
-        let (mut product, mut sum) = (1.0, 0.0);
-        places::<P, W>(&self.warp.at(pose), &self.contour, |place| {
-            let (factor, logarithm) = self.ratio(&place);
-            product *= factor;
-            sum += logarithm;
-            if product > LARGE {
-                sum += math::ln(product);
-                product = 1.0;
+    /// The sum over all normals, a batch of them at a time: aims in lanes, then hits one by one, then their probabilities
+    /// in lanes again. Every number is that of [`Self::ratio`].
+    fn log_likelihood(&self, pose: &P, hits: &mut [f64]) -> f64 {
+        let posed = self.warp.at(pose);
+        with_normals::<P, W, _>(&posed, &self.contour, |all| {
+            vectorized(
+                #[inline(always)]
+                || {
+                    let (mut product, mut sum) = (1.0, 0.0);
+                    for first in (0..all.x.len()).step_by(LANES) {
+                        self.batch(all, first, hits, &mut product, &mut sum);
+                    }
+                    self.weight * (sum + math::ln(product))
+                },
+            )
+        })
+    }
+
+    #[inline(always)]
+    fn batch(&self, all: &Normals<'_>, first: usize, hits: &mut [f64], product: &mut f64, sum: &mut f64) {
+        let n = (all.x.len() - first).min(LANES);
+        let part = |v: &'_ [f64]| -> [f64; LANES] {
+            let mut out = [f64::NAN; LANES];
+            out[..n].copy_from_slice(&v[first..first + n]);
+            out
+        };
+        let (x, y, nx, ny) = (part(all.x), part(all.y), part(all.nx), part(all.ny));
+        let mut aims = [Aim::default(); LANES];
+        for k in 0..LANES {
+            aims[k] = self.lines.aim(x[k], y[k], nx[k], ny[k], self.range);
+        }
+        let single = self.hypotheses == Hypotheses::Single;
+        let (mut ends, mut count) = ([0; LANES], 0);
+        for k in 0..n {
+            let at = [x[k], y[k], nx[k], ny[k]];
+            let start = count;
+            self.lines.hits(&aims[k], at, self.range, |r, _| {
+                if let Some(hit) = hits.get_mut(count) {
+                    *hit = r * r;
+                    count += 1;
+                }
+            });
+            if single {
+                let least = hits[start..count].iter().fold(f64::INFINITY, |a, &b| a.min(b));
+                *sum += self.nearest(least);
             }
-        });
-        self.weight * (sum + math::ln(product))
+            ends[k] = count;
+        }
+        if single {
+            return;
+        }
+        let scale = -0.5 * self.information;
+        // Whole lanes; what is behind the last hit is not used.
+        let whole = count.next_multiple_of(8).min(hits.len());
+        hits[..whole].iter_mut().for_each(|hit| *hit = math::exp_fast(*hit * scale));
+        let mut start = 0;
+        for end in &ends[..n] {
+            let strengths = hits[start..*end].iter().fold(0.0, |a, b| a + b);
+            start = *end;
+            *product *= 1.0 + self.beta * strengths;
+            if *product > LARGE {
+                *sum += math::ln(*product);
+                *product = 1.0;
+            }
+        }
+    }
+
+    /// Logarithm against clutter of a normal whose nearest edge has this squared distance.
+    #[inline(always)]
+    fn nearest(&self, squared: f64) -> f64 {
+        (self.log_beta - 0.5 * self.information * squared).max(0.0)
     }
 
     /// Calls `f` with every contour point, the edges on its normal with the probabilities that they are the contour's, and
@@ -166,9 +229,12 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     fn log_likelihoods(&self, poses: &[P], out: &mut [f64]) {
-        for (pose, l) in poses.iter().zip(out) {
-            *l = self.log_likelihood(pose);
-        }
+        with_rows(MOST_HITS, |rows| {
+            let hits = rows.as_flattened_mut();
+            for (pose, l) in poses.iter().zip(out) {
+                *l = self.log_likelihood(pose, hits);
+            }
+        });
     }
 
     /// One row for every edge on every normal, weighted by the probability that it is the contour's.

@@ -1,5 +1,7 @@
 //! Edge pixels as bits of rows and columns: all edges on a normal by one shift.
 
+use core::array::from_fn;
+
 use nalgebra::{Point2, Vector2};
 use vt_core::frame::Roi;
 
@@ -9,84 +11,91 @@ use crate::edge_map::EdgePixel;
 pub const REACH: f64 = 21.0;
 
 /// Bits before and after the middle of a window.
-const HALF: i64 = 31;
+const HALF: u32 = 31;
 
-/// Directions are kept in this many sectors of the full circle.
-const SECTORS: usize = 256;
-
-/// Offsets are kept in this many steps a pixel.
-const STEPS: f64 = 100.0;
+/// Classes of directions within 45 degrees of an axis; each has bits of its own.
+const CLASSES: usize = 8;
 
 /// An edge lies on rows if its gradient has at least this share of the other axis' along them, and on columns alike: past
 /// the diagonal both see it.
-const SHARE: f64 = 0.35;
+const SHARE: f32 = 0.35;
 
-/// Cosine of the largest angle between a normal and the gradient of an edge that may belong to it.
-const ALIGNED: f64 = 0.85;
+/// Cosine of the largest angle between the middle of a normal's class and the gradient of an edge that may belong to it.
+const ALIGNED: f32 = 0.85;
 
 /// Edges closer than this along a normal are one, pixels.
 const SAME: f64 = 0.8;
 
-/// Position and direction of an edge pixel.
+/// A number below 2⁵¹ plus this has the nearest integer in its lowest bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// One bit a pixel and class, by lines of whole words, a word of zeros on either end of each.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cell {
-    /// From the middle of the pixel, in [`STEPS`].
-    offset: [i8; 2],
-    sector: u8,
+struct Layout {
+    /// Where the words begin.
+    first: u32,
+    /// Words of a line.
+    stride: u32,
+    /// Lines of a class.
+    lines: u32,
 }
 
-/// One bit a pixel, by lines of whole words, a word of zeros on either end of each.
-#[derive(Clone, Debug, Default)]
-struct Bits {
-    words: Vec<u64>,
-    stride: usize,
+impl Layout {
+    fn new(first: usize, length: u32, lines: u32) -> Self {
+        Self { first: first as u32, stride: length / 64 + 3, lines }
+    }
+
+    fn words(self) -> usize {
+        self.stride as usize * self.lines as usize * CLASSES
+    }
+
+    /// Word of a line's first bit.
+    #[inline(always)]
+    fn line(self, class: u32, line: u32) -> u32 {
+        (class.wrapping_mul(self.lines).wrapping_add(line))
+            .wrapping_mul(self.stride)
+            .wrapping_add(self.first + 1)
+    }
 }
 
-impl Bits {
-    fn clear(&mut self, length: usize, lines: usize) {
-        self.stride = length / 64 + 3;
-        self.words.clear();
-        self.words.resize(self.stride * lines, 0);
-    }
-
-    fn set(&mut self, line: usize, at: usize) {
-        self.words[line * self.stride + at / 64 + 1] |= 1 << (at % 64);
-    }
-
-    /// The pixels from `HALF` before `at` to as many after it; `at` must lie on the line.
-    #[inline]
-    fn window(&self, line: usize, at: usize) -> u64 {
-        let first = at + 64 - HALF as usize;
-        let (word, shift) = (line * self.stride + first / 64, first % 64);
-        let [low, high] = [self.words[word], self.words[word + 1]];
-        // Two shifts, since one by 64 is none.
-        low >> shift | (high << 1) << (63 - shift)
-    }
+/// Where a normal meets edges: bits, and the positions of their pixels.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Aim {
+    word: u32,
+    shift: u32,
+    reach: u32,
+    /// Pixel of the first bit, and the way to the next.
+    cell: u32,
+    step: u32,
 }
 
 /// The edges of a region.
 #[derive(Clone, Debug)]
 pub struct EdgeLines {
     region: Roi,
-    rows: Bits,
-    columns: Bits,
-    cells: Vec<Cell>,
-    directions: Vec<Vector2<f64>>,
+    words: Vec<u64>,
+    rows: Layout,
+    columns: Layout,
+    /// Positions of edges by pixel; those without a bit are never looked at.
+    cells: Vec<[f32; 2]>,
+    /// Middles of the classes: those along rows, then those along columns.
+    directions: [[f32; 2 * CLASSES]; 2],
 }
 
 impl Default for EdgeLines {
     fn default() -> Self {
         let direction = |k: usize| {
-            let angle = k as f64 * core::f64::consts::TAU / SECTORS as f64;
-            let (s, c) = vt_core::math::sin_cos(angle);
-            Vector2::new(c, s)
+            let slope = ((k % CLASSES) as f64 + 0.5) * 2.0 / CLASSES as f64 - 1.0;
+            let along = 1.0 / (1.0 + slope * slope).sqrt();
+            if k < CLASSES { [along, slope * along] } else { [slope * along, along] }
         };
         Self {
             region: Roi { x: 0, y: 0, width: 0, height: 0 },
-            rows: Bits::default(),
-            columns: Bits::default(),
+            words: vec![0; 2],
+            rows: Layout::default(),
+            columns: Layout::default(),
             cells: vec![],
-            directions: (0..SECTORS).map(direction).collect(),
+            directions: from_fn(|axis| from_fn(|k| direction(k)[axis] as f32)),
         }
     }
 }
@@ -94,37 +103,104 @@ impl Default for EdgeLines {
 impl EdgeLines {
     /// Takes the edges of a region: column and row of the pixel, position and direction. Those outside are left out.
     pub fn fill(&mut self, region: Roi, edges: impl Iterator<Item = (u32, u32, EdgePixel)>) {
-        let (width, height) = (region.width as usize, region.height as usize);
+        let Roi { width, height, .. } = region;
         self.region = region;
-        self.rows.clear(width, height);
-        self.columns.clear(height, width);
-        // Cells without a bit are never looked at.
-        self.cells.resize(width * height, Cell::default());
+        self.rows = Layout::new(0, width, height);
+        self.columns = Layout::new(self.rows.words(), height, width);
+        let words = self.columns.first as usize + self.columns.words();
+        self.words.clear();
+        self.words.resize(words.max(2), 0);
+        self.cells.resize(width as usize * height as usize, [0.0; 2]);
+        let [x_middles, y_middles] = self.directions;
         for (x, y, edge) in edges {
             let (u, v) = (x.wrapping_sub(region.x), y.wrapping_sub(region.y));
-            if u >= region.width || v >= region.height {
+            if u >= width || v >= height {
                 continue;
             }
-            let (u, v) = (u as usize, v as usize);
-            let [along, across] = [edge.direction.x.abs(), edge.direction.y.abs()];
-            if along >= SHARE * across {
-                self.rows.set(v, u);
+            let [along, across] = [edge.direction.x as f32, edge.direction.y as f32];
+            let aligned: [bool; 2 * CLASSES] =
+                from_fn(|k| (along * x_middles[k] + across * y_middles[k]).abs() >= ALIGNED);
+            let [rows, columns] = [along.abs() >= SHARE * across.abs(), across.abs() >= SHARE * along.abs()];
+            for (class, _) in aligned.iter().enumerate().filter(|(_, aligned)| **aligned) {
+                let (seen, layout, line, at) =
+                    if class < CLASSES { (rows, self.rows, v, u) } else { (columns, self.columns, u, v) };
+                if seen {
+                    let word = layout.line((class % CLASSES) as u32, line) + at / 64;
+                    self.words[word as usize] |= 1 << (at % 64);
+                }
             }
-            if across >= SHARE * along {
-                self.columns.set(u, v);
+            self.cells[v as usize * width as usize + u as usize] = [edge.at.x as f32, edge.at.y as f32];
+        }
+    }
+
+    /// Where the normal at a place looks: on the row or column nearer to it, from where the contour crosses that; a contour is
+    /// not changed by sliding along itself. Nowhere for places that are not in the region.
+    #[inline(always)]
+    pub(super) fn aim(&self, x: f64, y: f64, nx: f64, ny: f64, range: f64) -> Aim {
+        let along_row = nx.abs() >= ny.abs();
+        let (left, top) = (f64::from(self.region.x), f64::from(self.region.y));
+        let (width, height) = (self.region.width, self.region.height);
+        let (s, ns) = if along_row { (x - left, nx) } else { (y - top, ny) };
+        let (t, nt) = if along_row { (y - top, ny) } else { (x - left, nx) };
+        let (length, lines) = if along_row { (width, height) } else { (height, width) };
+        let reciprocal = 1.0 / ns;
+        let slope = nt * reciprocal;
+        let line = t + ROUND;
+        // On the contour, n_s ds + n_t dt = 0.
+        let start = s - slope * ((line - ROUND) - t);
+        // NaN fails the comparisons.
+        let inside =
+            (t >= -0.5) & (t < f64::from(lines) - 0.5) & (start >= -0.5) & (start < f64::from(length) - 0.5);
+        let line = line.to_bits() as u32;
+        let middle = (start + ROUND).to_bits() as u32;
+        // From -1 to 1 in equal parts; rounding never goes past the last.
+        let class = (((slope + 1.0) * (0.499 * CLASSES as f64) - 0.499) + ROUND).to_bits() as u32;
+        let reach = (range * reciprocal.abs() + ROUND).to_bits() as u32;
+        let layout = if along_row { self.rows } else { self.columns };
+        let first = middle.wrapping_add(64 - HALF);
+        let word = layout.line(class, line).wrapping_add(first >> 6).wrapping_sub(1);
+        let start = middle.wrapping_sub(HALF);
+        let (u, v) = if along_row { (start, line) } else { (line, start) };
+        // The first word of all has no bits.
+        Aim {
+            word: if inside { word } else { 0 },
+            shift: if inside { first & 63 } else { 0 },
+            reach: if inside { reach.min(HALF) } else { 0 },
+            cell: v.wrapping_mul(width).wrapping_add(u),
+            step: if along_row { 1 } else { width },
+        }
+    }
+
+    /// Calls `f` with the distance along the unit normal of every edge within `range` pixels of the place, and with its position;
+    /// distances ascend or descend.
+    #[inline(always)]
+    pub(super) fn hits(
+        &self,
+        aim: &Aim,
+        [x, y, nx, ny]: [f64; 4],
+        range: f64,
+        mut f: impl FnMut(f64, [f64; 2]),
+    ) {
+        let wanted = (u64::MAX >> (63 - 2 * (aim.reach & 31))) << (HALF - (aim.reach & 31));
+        let at = aim.word as usize;
+        let [low, high] = [self.words[at], self.words[at + 1]];
+        // Two shifts, since one by 64 is none.
+        let mut window = (low >> (aim.shift & 63) | (high << 1) << (63 - (aim.shift & 63))) & wanted;
+        let mut before = f64::INFINITY;
+        while window != 0 {
+            let cell = aim.cell.wrapping_add(window.trailing_zeros().wrapping_mul(aim.step));
+            window &= window - 1;
+            let edge = self.cells[cell as usize].map(f64::from);
+            let r = nx * (edge[0] - x) + ny * (edge[1] - y);
+            if (r.abs() <= range) & ((r - before).abs() >= SAME) {
+                before = r;
+                f(r, edge);
             }
-            let turn = vt_core::math::atan2(edge.direction.y, edge.direction.x) / core::f64::consts::TAU;
-            let offset = edge.at - Point2::new(f64::from(x), f64::from(y));
-            self.cells[v * width + u] = Cell {
-                offset: [0, 1].map(|k| (offset[k] * STEPS).round() as i8),
-                sector: ((turn * SECTORS as f64).round() as i64 & (SECTORS as i64 - 1)) as u8,
-            };
         }
     }
 
     /// Calls `f` with the distance from `y` along the unit vector `normal` of every edge on that normal within `range`
-    /// pixels, and with its position; distances ascend or descend. Searched is the row or column nearer to the normal, from where the
-    /// contour crosses it: a contour is not changed by sliding along itself.
+    /// pixels, and with its position; distances ascend or descend.
     #[inline]
     pub fn each(
         &self,
@@ -133,52 +209,9 @@ impl EdgeLines {
         range: f64,
         mut f: impl FnMut(f64, Point2<f64>),
     ) {
-        let along_row = normal.x.abs() >= normal.y.abs();
-        let (left, top) = (f64::from(self.region.x), f64::from(self.region.y));
-        let (s, t, ns, nt) = if along_row {
-            (y.x - left, y.y - top, normal.x, normal.y)
-        } else {
-            (y.y - top, y.x - left, normal.y, normal.x)
-        };
-        let (length, lines) = if along_row {
-            (self.region.width, self.region.height)
-        } else {
-            (self.region.height, self.region.width)
-        };
-        // Truncation rounds positive numbers down; NaN fails the comparison.
-        if !(t >= -0.5 && t < f64::from(lines) - 0.5) {
-            return;
-        }
-        let line = (t + 0.5) as usize;
-        let reciprocal = 1.0 / ns;
-        // On the contour, n_s ds + n_t dt = 0.
-        let start = s - nt * reciprocal * (line as f64 - t);
-        if !(start >= -0.5 && start < f64::from(length) - 0.5) {
-            return;
-        }
-        let middle = (start + 0.5) as usize;
-        let bits = if along_row { &self.rows } else { &self.columns };
-        // Bits within reach of the middle.
-        let reach = ((range * reciprocal.abs() + 0.5) as i64).min(HALF);
-        let wanted = (u64::MAX >> (63 - 2 * reach)) << (HALF - reach);
-        let mut window = bits.window(line, middle) & wanted;
-        let mut before = f64::INFINITY;
-        while window != 0 {
-            let at = middle as i64 + i64::from(window.trailing_zeros()) - HALF;
-            window &= window - 1;
-            let (u, v) = if along_row { (at as usize, line) } else { (line, at as usize) };
-            let cell = self.cells[v * self.region.width as usize + u];
-            let edge = Point2::new(
-                left + u as f64 + f64::from(cell.offset[0]) * (1.0 / STEPS),
-                top + v as f64 + f64::from(cell.offset[1]) * (1.0 / STEPS),
-            );
-            let r = normal.dot(&(edge - y));
-            let aligned = self.directions[usize::from(cell.sector)].dot(&normal).abs() >= ALIGNED;
-            if aligned && r.abs() <= range && (r - before).abs() >= SAME {
-                before = r;
-                f(r, edge);
-            }
-        }
+        let at = [y.x, y.y, normal.x, normal.y];
+        let aim = self.aim(y.x, y.y, normal.x, normal.y, range);
+        self.hits(&aim, at, range, |r, edge| f(r, edge.into()));
     }
 }
 

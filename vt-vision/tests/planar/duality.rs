@@ -32,7 +32,7 @@ where
 {
     let (mut modality, evidence): Prepared<P> = kind.prepare(&truth);
     let z = modality.measure(&evidence, &prior(truth.clone(), 2.0)).unwrap().expect("in view");
-    for_cases(8, near(truth, 2.5), |pose| check_measurement(z, &pose, TOLERANCE));
+    for_cases(20, near(truth, 2.5), |pose| check_measurement(z, &pose, TOLERANCE));
 }
 
 #[test]
