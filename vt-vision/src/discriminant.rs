@@ -117,6 +117,26 @@ impl Default for DiscriminantParams {
     }
 }
 
+impl DiscriminantParams {
+    /// Checks all ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Parameter`] with the first parameter that is out of its range.
+    pub fn check(self) -> Result<Self, ConfigError> {
+        let Self { regularization, prior, least_deviation } = self;
+        if !(regularization >= 0.0 && regularization.is_finite()) {
+            return Err(ConfigError::parameter("regularization", regularization, "0 or more"));
+        }
+        if !(prior > 0.0 && prior < 1.0) {
+            return Err(ConfigError::parameter("prior", prior, "between 0 and 1"));
+        }
+        if !(least_deviation > 0.0 && least_deviation.is_finite()) {
+            return Err(ConfigError::parameter("least_deviation", least_deviation, "a positive number"));
+        }
+        Ok(self)
+    }
+}
+
 impl<const N: usize> FisherDiscriminant<N> {
     /// Fits the direction and the two Gaussians.
     ///
@@ -127,17 +147,7 @@ impl<const N: usize> FisherDiscriminant<N> {
         second: &ClassStatistics<N>,
         params: &DiscriminantParams,
     ) -> Result<Self, DiscriminantError> {
-        let DiscriminantParams { regularization, prior, least_deviation } = *params;
-        let wrong = |key, found: f64, expected| Err(ConfigError::parameter(key, found, expected).into());
-        if !(regularization >= 0.0 && regularization.is_finite()) {
-            return wrong("regularization", regularization, "0 or more");
-        }
-        if !(prior > 0.0 && prior < 1.0) {
-            return wrong("prior", prior, "between 0 and 1");
-        }
-        if !(least_deviation > 0.0 && least_deviation.is_finite()) {
-            return wrong("least_deviation", least_deviation, "a positive number");
-        }
+        let DiscriminantParams { regularization, prior, least_deviation } = params.check()?;
         for (class, statistics) in [(1, first), (2, second)] {
             if statistics.weight.is_nan() || statistics.weight <= 1.0 {
                 return Err(DiscriminantError::TooFew { class, weight: statistics.weight });

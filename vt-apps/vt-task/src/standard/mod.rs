@@ -9,6 +9,7 @@ pub mod fusion;
 pub mod init;
 pub mod looks;
 pub mod loss;
+pub mod mass;
 pub mod motion;
 pub mod output;
 pub mod particle;
@@ -314,5 +315,22 @@ where
             Method::<Modalities<P>>::new("color", "colour histograms under a kernel", looks::color::<P>)
                 .levels(&[Pixel])
                 .picture(Picture::Colour),
+        )
+        .with(
+            Method::<Modalities<P>>::new(
+                "motion-centre",
+                "mass centre of what moves",
+                mass::motion_centre::<P>,
+            )
+            .levels(&[Object]),
+        )
+        .with(
+            Method::<Modalities<P>>::new(
+                "color-centre",
+                "mass centre of the object's colours",
+                mass::color_centre::<P>,
+            )
+            .levels(&[Object])
+            .picture(Picture::Colour),
         )
 }
