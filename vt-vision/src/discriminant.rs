@@ -236,7 +236,8 @@ const STEPS: usize = 1024;
 
 impl ColorPosterior {
     /// 255 times the posterior of the first class for every pixel of the picture, inside `roi` only when one is given; off by what
-    /// the score changes in a 1024th of its range.
+    /// the score changes in a 1024th of its range. Scores beyond the mean of a class count as that mean: what lies on the far side of the
+    /// second class is not of the first, however wide that is.
     pub fn compute(
         &mut self,
         image: &RgbImage,
@@ -249,7 +250,9 @@ impl ColorPosterior {
         let high: f64 = direction.iter().map(|w| w.max(0.0) * 255.0).sum();
         let step = (high - low) / (STEPS - 1) as f64;
         self.table.clear();
-        let bytes = (0..STEPS).map(|k| (255.0 * discriminant.posterior(low + step * k as f64)).round() as u8);
+        let [first, second] = discriminant.means;
+        let score = |k: usize| (low + step * k as f64).clamp(second, first);
+        let bytes = (0..STEPS).map(|k| (255.0 * discriminant.posterior(score(k))).round() as u8);
         self.table.extend(bytes);
         let region = clip(roi, image.dimensions(), 0);
         let values = out.reshape(region);
@@ -346,7 +349,8 @@ mod tests {
             let inside = (20..32).contains(&x) && (15..25).contains(&y);
             assert_eq!(byte > 127, inside, "{x} {y}");
             let p = image.get_pixel(x, y).0.map(f64::from);
-            let exact = 255.0 * fisher.posterior(fisher.score(&p.into()));
+            let [high, low] = fisher.means();
+            let exact = 255.0 * fisher.posterior(fisher.score(&p.into()).clamp(low, high));
             assert!((f64::from(byte) - exact).abs() < 25.0, "{byte} {exact}");
         }
     }

@@ -1,15 +1,20 @@
 //! The mass of what has the target's colours.
 
 use image::RgbImage;
+use nalgebra::SVector;
 use vt_core::error::{ConfigError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Roi, SensorId};
 
 use super::MassSource;
+use crate::color::rows;
 use crate::discriminant::{
     ClassStatistics, ColorPosterior, DiscriminantError, DiscriminantParams, FisherDiscriminant,
 };
-use crate::plane::Plane;
+use crate::plane::{Plane, clip};
+
+/// How often the object's class is made anew of the pixels that look like it.
+const ROUNDS: usize = 3;
 
 /// Weights by colour: the posterior of Fisher's discriminant between the object and a ring around it of the same area, both as the
 /// first frame shows them, or the object as a reference picture does. It reads frames itself, and learns nothing later.
@@ -62,7 +67,21 @@ impl ColorMass {
         });
         let mut around = ClassStatistics::default();
         around.add_region(picture, ring(object), Some(object));
-        FisherDiscriminant::fit(&own, &around, &self.params)
+        let mut fisher = FisherDiscriminant::fit(&own, &around, &self.params)?;
+        // A box holds background too: what of it looks like that counts less.
+        for _ in 0..if self.given.is_some() { 0 } else { ROUNDS } {
+            let mut purer = ClassStatistics::default();
+            let part = clip(Some(object), picture.dimensions(), 0);
+            for row in rows(picture, part) {
+                for p in row.chunks_exact(3) {
+                    let colour = SVector::from([p[0], p[1], p[2]].map(f64::from));
+                    let [high, low] = fisher.means();
+                    purer.add(&colour, fisher.posterior(fisher.score(&colour).clamp(low, high)));
+                }
+            }
+            fisher = FisherDiscriminant::fit(&purer, &around, &self.params)?;
+        }
+        Ok(fisher)
     }
 }
 

@@ -80,11 +80,12 @@ where
         Some(Predicted { object, covariance: &j * &prior.covariance * j.transpose() })
     }
 
-    /// The window of the first look: that of the object, wider by some predicted deviations.
+    /// The window of the widest look: that of the object, wider by some predicted deviations, but not by more than the object: what is farther
+    /// away is found only after it came near.
     fn first_look(&self, predicted: &Predicted) -> Window {
         let sigma = predicted.covariance.diagonal().map(|v| v.max(0.0).sqrt());
         let mut window = self.window(predicted);
-        window.half += sigma * self.params.deviations;
+        window.half += (sigma * self.params.deviations).inf(&predicted.object.half);
         window
     }
 
@@ -118,15 +119,14 @@ where
             None => Expected { share: params.share, point: Point2::origin() },
         };
         let Some(place) = self.warp.at(&prior.mean).locate(&expected.point) else { return Ok(None) };
-        let Some(seen) = Sight::slide(plane, &start.about(place, 1.0), &window) else { return Ok(None) };
-        if seen.share(&object) < params.least_share * expected.share {
-            return Ok(None);
-        }
+        let least = params.least_share * expected.share * object.area();
+        let slid = Sight::slide(plane, &window.about(place, 1.0), &start.about(place, 1.0), least);
+        let Some(seen) = slid.filter(|seen| seen.mass >= least) else { return Ok(None) };
         let noise = seen.covariance(&object, expected.share, params.patch, params.wobble);
         let apart = seen.centre - place;
-        let near = (noise + covariance).cholesky().is_some_and(|c| {
-            apart.dot(&c.solve(&apart)) <= params.deviations * params.deviations
-        });
+        let near = (noise + covariance)
+            .cholesky()
+            .is_some_and(|c| apart.dot(&c.solve(&apart)) <= params.deviations * params.deviations);
         let measured = CentreMeasurement::new(self.warp.clone(), seen.centre, noise).filter(|_| near);
         Ok(measured.map(|z| z.of_point(expected.point)))
     }

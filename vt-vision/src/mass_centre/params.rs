@@ -23,7 +23,7 @@ pub struct MassCentreParams {
 
 impl Default for MassCentreParams {
     fn default() -> Self {
-        Self { share: 0.5, least_share: 0.15, patch: 25.0, wobble: 0.05, window: 1.2, deviations: 3.0 }
+        Self { share: 0.3, least_share: 0.15, patch: 25.0, wobble: 0.05, window: 1.0, deviations: 4.0 }
     }
 }
 

@@ -10,6 +10,9 @@ use crate::plane::{Plane, intersection};
 const STEPS: usize = 10;
 const STILL: f64 = 0.05;
 
+/// Part of the clutter that is not the same inside and outside of the window.
+const UNEVEN: f64 = 0.2;
+
 /// A rectangle with borders between pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
@@ -81,10 +84,11 @@ impl Sight {
         Some(Self { centre, mass, clutter, spread: spread / mass, noise: noise / (mass * mass) })
     }
 
-    /// Slides a window of the size of `window` from `start` to where its centre is that of the mass in it. The first step looks at all of
-    /// `start`, which may be larger. `None` without mass beyond clutter.
-    pub fn slide(plane: &Plane<u8>, start: &Window, window: &Window) -> Option<Self> {
-        let mut looked = *start;
+    /// Slides a window from `window` to where its centre is that of the mass in it. Where less than `least` lies in it at first, the first
+    /// step looks at all of `wide`. `None` without mass beyond clutter.
+    pub fn slide(plane: &Plane<u8>, window: &Window, wide: &Window, least: f64) -> Option<Self> {
+        let near = Self::at(plane, window).is_some_and(|s| s.mass >= least);
+        let mut looked = if near { *window } else { *wide };
         for _ in 0..STEPS {
             let inner = intersection(plane.region(), looked.pixels());
             let (_, centre) = less_clutter(plane, inner, clutter(plane, &looked, inner))?;
@@ -107,15 +111,20 @@ impl Sight {
     /// - pixels, in patches of `patch` square pixels: `patch · Σ w² d dᵀ / (Σ w)²`;
     /// - the object, whose mass is not where it was: `wobble` times its size;
     /// - what is missing of the expected mass, `share` of the box: a part `m` of it that may be anywhere in the box: `m²` of the box's spread;
+    /// - clutter, which is not the same all over: with `q` times the mass, `(q / 5)²` of the box's spread;
     /// - what is too much. A share `ε` of strange mass at the distance `d` adds `ε (1 − ε) d dᵀ` to the spread and moves the centre by `ε d`; with
     ///   ε = ½ that is as much. So all of the spread beyond that of the box counts.
     pub fn covariance(&self, object: &Window, share: f64, patch: f64, wobble: f64) -> Matrix2<f64> {
         let missing = (1.0 - self.share(object) / share).max(0.0);
+        let clutter = UNEVEN * self.clutter * object.area() / self.mass;
         let box_spread = object.spread();
         let swing = Matrix2::from_diagonal(&object.half.map(|h| (2.0 * wobble * h).powi(2)));
         let mut too_much = SymmetricEigen::new(self.spread - box_spread);
         too_much.eigenvalues.apply(|v| *v = v.max(0.0));
-        self.noise * patch + swing + box_spread * (missing * missing) + too_much.recompose()
+        self.noise * patch
+            + swing
+            + box_spread * (missing * missing + clutter * clutter)
+            + too_much.recompose()
     }
 }
 

@@ -87,7 +87,10 @@ pub(super) fn size(context: &ModalityContext<'_>) -> Result<[f64; 2], ConfigErro
 }
 
 /// A picture that the shape fills, and the pose at which it does.
-pub(super) fn reference(file: &FilePath, context: &ModalityContext<'_>) -> Result<(RgbImage, Sim2), ConfigError> {
+pub(super) fn reference(
+    file: &FilePath,
+    context: &ModalityContext<'_>,
+) -> Result<(RgbImage, Sim2), ConfigError> {
     let picture = vt_io::picture::read_rgb(&context.place.resolve(file))
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable picture".into() })?;
     let (width, height) = picture.dimensions();

@@ -107,7 +107,7 @@ impl Default for MotionCentre {
     fn default() -> Self {
         let (compared, weights) = Default::default();
         // A finite number of a known unit always is a quantity.
-        let duration = Span::new(1.0, "s").unwrap_or_default();
+        let duration = Span::new(2.0, "s").unwrap_or_default();
         Self { threshold: 15, compared, duration, weights, centre: Centre::default() }
     }
 }

@@ -293,6 +293,11 @@ where
         .with(Method::<Warps<P>>::new(kind, about, planar::warp::<P>))
         .with(Method::<Motions<P>>::new("brownian", "random walk of the pose", planar::brownian::<P>))
         .with(Method::<Motions<P>>::new("constant-velocity", "white acceleration", planar::velocity::<P>))
+        .with(Method::<Motions<P>>::new(
+            "fading-velocity",
+            "Ornstein-Uhlenbeck velocity",
+            planar::fading::<P>,
+        ))
         .with(Method::<Inits<P>>::new("pose", "a pose written in the task", planar::pose::<P>))
         .with(Method::<Inits<P>>::new("box", "the pose of a box in the picture", planar::on_box::<P>))
         .with(
