@@ -222,12 +222,13 @@ fn print(name: &str, outcome: &Outcome, block: usize) {
         let lost = outcome.errors.iter().filter(|e| e[v].1).count();
         let [nis, dof] = outcome.surprise[v];
         let wins = if v < 2 { String::new() } else { format!("  {:.3}", best(&blocks, v)) };
-        println!(
-            "  {variant:<34}{mean:8.2} px{lost:6} lost  NIS {:.2} of 1, {:4.0} %{wins}",
-            nis / dof,
-            // Two numbers a measurement.
-            50.0 * dof / frames as f64
-        );
+        // A rule without a filter of its own has no innovation; a measurement has two numbers.
+        let nis = if dof > 0.0 {
+            format!("NIS {:.2} of 1, {:4.0} %", nis / dof, 50.0 * dof / frames as f64)
+        } else {
+            String::new()
+        };
+        println!("  {variant:<34}{mean:8.2} px{lost:6} lost  {nis}{wins}");
     }
 }
 
