@@ -126,6 +126,32 @@ fn any_measurement_runs_under_any_estimator() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+const CENTRES: &str = r#"{ kind = "color-centre", level = "object", sensor = "camera" }, { kind = "motion-centre", level = "object", sensor = "camera", params = { duration = "400 ms" } }"#;
+
+/// Static and dynamic fusion of mass centres, at one thread and at two.
+#[test]
+fn mass_centres_follow_the_object_however_they_are_fused() {
+    let run = |fusion: &str, threads| {
+        let text = task(CENTRES, r#"{ kind = "kalman" }"#)
+            .replace("[targets.init]", &format!("fusion = {fusion}\n[targets.init]"));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| track(&text))
+    };
+    for fusion in
+        [r#"{ kind = "stacked" }"#, r#"{ kind = "equivalent-measurements" }"#, r#"{ kind = "intersection" }"#]
+    {
+        let one = run(fusion, 1);
+        let error = error(&one);
+        println!("{error:6.2} px  {fusion}");
+        assert!(error < 3.0, "{error} px with {fusion}");
+        assert_eq!(one, run(fusion, 2), "{fusion}");
+    }
+    // For linear measurements it does not matter how static ones are fused.
+    let (stacked, one_by_one) = (run(r#"{ kind = "stacked" }"#, 1), run(r#"{ kind = "sequential" }"#, 1));
+    let apart = stacked.iter().flatten().zip(one_by_one.iter().flatten()).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-6);
+}
+
 #[test]
 fn the_same_bytes_at_one_and_two_threads() {
     let both = MODALITIES.join(", ");

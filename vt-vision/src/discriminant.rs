@@ -117,6 +117,26 @@ impl Default for DiscriminantParams {
     }
 }
 
+impl DiscriminantParams {
+    /// Checks all ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Parameter`] with the first parameter that is out of its range.
+    pub fn check(self) -> Result<Self, ConfigError> {
+        let Self { regularization, prior, least_deviation } = self;
+        if !(regularization >= 0.0 && regularization.is_finite()) {
+            return Err(ConfigError::parameter("regularization", regularization, "0 or more"));
+        }
+        if !(prior > 0.0 && prior < 1.0) {
+            return Err(ConfigError::parameter("prior", prior, "between 0 and 1"));
+        }
+        if !(least_deviation > 0.0 && least_deviation.is_finite()) {
+            return Err(ConfigError::parameter("least_deviation", least_deviation, "a positive number"));
+        }
+        Ok(self)
+    }
+}
+
 impl<const N: usize> FisherDiscriminant<N> {
     /// Fits the direction and the two Gaussians.
     ///
@@ -127,17 +147,7 @@ impl<const N: usize> FisherDiscriminant<N> {
         second: &ClassStatistics<N>,
         params: &DiscriminantParams,
     ) -> Result<Self, DiscriminantError> {
-        let DiscriminantParams { regularization, prior, least_deviation } = *params;
-        let wrong = |key, found: f64, expected| Err(ConfigError::parameter(key, found, expected).into());
-        if !(regularization >= 0.0 && regularization.is_finite()) {
-            return wrong("regularization", regularization, "0 or more");
-        }
-        if !(prior > 0.0 && prior < 1.0) {
-            return wrong("prior", prior, "between 0 and 1");
-        }
-        if !(least_deviation > 0.0 && least_deviation.is_finite()) {
-            return wrong("least_deviation", least_deviation, "a positive number");
-        }
+        let DiscriminantParams { regularization, prior, least_deviation } = params.check()?;
         for (class, statistics) in [(1, first), (2, second)] {
             if statistics.weight.is_nan() || statistics.weight <= 1.0 {
                 return Err(DiscriminantError::TooFew { class, weight: statistics.weight });
@@ -226,7 +236,8 @@ const STEPS: usize = 1024;
 
 impl ColorPosterior {
     /// 255 times the posterior of the first class for every pixel of the picture, inside `roi` only when one is given; off by what
-    /// the score changes in a 1024th of its range.
+    /// the score changes in a 1024th of its range. Scores beyond the mean of a class count as that mean: what lies on the far side of the
+    /// second class is not of the first, however wide that is.
     pub fn compute(
         &mut self,
         image: &RgbImage,
@@ -239,7 +250,9 @@ impl ColorPosterior {
         let high: f64 = direction.iter().map(|w| w.max(0.0) * 255.0).sum();
         let step = (high - low) / (STEPS - 1) as f64;
         self.table.clear();
-        let bytes = (0..STEPS).map(|k| (255.0 * discriminant.posterior(low + step * k as f64)).round() as u8);
+        let [first, second] = discriminant.means;
+        let score = |k: usize| (low + step * k as f64).clamp(second, first);
+        let bytes = (0..STEPS).map(|k| (255.0 * discriminant.posterior(score(k))).round() as u8);
         self.table.extend(bytes);
         let region = clip(roi, image.dimensions(), 0);
         let values = out.reshape(region);
@@ -336,7 +349,8 @@ mod tests {
             let inside = (20..32).contains(&x) && (15..25).contains(&y);
             assert_eq!(byte > 127, inside, "{x} {y}");
             let p = image.get_pixel(x, y).0.map(f64::from);
-            let exact = 255.0 * fisher.posterior(fisher.score(&p.into()));
+            let [high, low] = fisher.means();
+            let exact = 255.0 * fisher.posterior(fisher.score(&p.into()).clamp(low, high));
             assert!((f64::from(byte) - exact).abs() < 25.0, "{byte} {exact}");
         }
     }

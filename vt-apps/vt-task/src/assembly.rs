@@ -29,8 +29,8 @@ use crate::registry::{Registry, Role};
 use crate::roles::{
     AppearanceProduct, Appearances, Body, EstimatorContext, Estimators, Freedom, FusionProduct, Fusions,
     Ground, InitContext, Inits, Losses, Modalities, ModalityContext, Motion, Motions, OutputContext, Outputs,
-    Place, ReinitContext, ReinitProduct, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc, TrackRule,
-    TruthContext, Truths, Warps,
+    Place, ReinitContext, ReinitProduct, Reinits, SensorContext, Sensors, Shapes, Start, StateAlloc,
+    TrackRule, TruthContext, Truths, Warps,
 };
 
 /// Everything of a task that does not need a picture yet.
@@ -370,15 +370,8 @@ where
     let mut track = |name: String, sensors, modalities, number| {
         let ReinitProduct { reinitializer, processing: units } = reinitializer()?;
         processing.extend(units);
-        let target = Target::new(
-            name,
-            sensors,
-            modalities,
-            estimator(number)?,
-            loss()?,
-            reinitializer,
-            scale.clone(),
-        );
+        let target =
+            Target::new(name, sensors, modalities, estimator(number)?, loss()?, reinitializer, scale.clone());
         Ok::<_, ReadError>(if known { target } else { target.beginning_lost() })
     };
     let name = section.name.clone();

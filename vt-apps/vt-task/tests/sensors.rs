@@ -67,3 +67,41 @@ fn a_video_that_is_none_is_an_error_before_the_first_frame() {
     assert!(document(&format!("{{ file = '{}', frames = 0 }}", file.display())).contains("at least 1 frame"));
     assert!(document(&format!("{{ file = '{}', rate = '0 Hz' }}", file.display())).contains("positive rate"));
 }
+
+/// Wrong mass centres say what is wrong and what would be right.
+#[test]
+fn broken_mass_centres_are_refused_before_the_first_frame() {
+    let problem = |modality: &str, set: &[&str]| {
+        let text = TASK.replace(r#"{ kind = "color", level = "pixel", sensor = "camera" }"#, modality);
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        let document = Document::parse("task", &text, Path::new("/"), &set, &|_| None).unwrap();
+        check(&document, &Registry::standard()).err().map(|e| format!("{e:?}"))
+    };
+    let centre = |kind: &str, level: &str, params: &str| {
+        format!(r#"{{ kind = "{kind}", level = "{level}", sensor = "camera", params = {{ {params} }} }}"#)
+    };
+    for kind in ["motion-centre", "color-centre"] {
+        assert_eq!(problem(&centre(kind, "object", ""), &[]), None);
+        let e = problem(&centre(kind, "pixel", ""), &[]).unwrap();
+        assert!(e.contains("object"), "{e}");
+        let e = problem(&centre(kind, "object", "centre = { window = 0.5 }"), &[]).unwrap();
+        assert!(e.contains("a number from 1 to 3"), "{e}");
+        let e = problem(&centre(kind, "object", "centre = { windw = 2.0 }"), &[]).unwrap();
+        assert!(e.contains("windw") && e.contains("window"), "{e}");
+    }
+    let e = problem(&centre("motion-center", "object", ""), &[]).unwrap();
+    assert!(e.contains("motion-centre"), "{e}");
+    let e = problem(&centre("motion-centre", "object", "duration = '0 s'"), &[]).unwrap();
+    assert!(e.contains("a positive number of seconds"), "{e}");
+    let e = problem(&centre("motion-centre", "object", "compared = 'stil'"), &[]).unwrap();
+    assert!(e.contains("still"), "{e}");
+    let e = problem(&centre("color-centre", "object", "prior = 1.0"), &[]).unwrap();
+    assert!(e.contains("between 0 and 1"), "{e}");
+    let e = problem(&centre("color-centre", "object", "reference = 'none.png'"), &[]).unwrap();
+    assert!(e.contains("none.png"), "{e}");
+    let e = problem(&centre("color-centre", "object", ""), &["sensors.camera.picture=grey"]).unwrap();
+    assert!(e.contains("colour"), "{e}");
+    let fading = "models.card.dynamics={ kind = 'fading-velocity', params = { fades_in = '0 s', acceleration = { translation = '1 px/s^1.5' }, speed = { translation = '1 px/s' } } }";
+    let e = problem(&centre("color-centre", "object", ""), &[fading]).unwrap();
+    assert!(e.contains("a positive time"), "{e}");
+}

@@ -217,7 +217,8 @@ where
         hits.truncate(FITTED);
         let pose = |hit: &Hit| {
             let posture = &postures[hit.posture];
-            let place = |cell: usize, first: u32| f64::from(first + cell as u32 * CELL) + 0.5 * f64::from(CELL - 1);
+            let place =
+                |cell: usize, first: u32| f64::from(first + cell as u32 * CELL) + 0.5 * f64::from(CELL - 1);
             let at = Vector2::new(place(hit.cell[0], region.x), place(hit.cell[1], region.y));
             let shift = at - posture.linear * self.middle.coords;
             let s = &posture.similarity;
@@ -324,7 +325,8 @@ impl CostTable {
                 }
             }
             for (u, &cost) in sums.iter().enumerate() {
-                let worst = if hits.len() < KEPT { u16::MAX } else { hits.last().map_or(u16::MAX, |h| h.cost) };
+                let worst =
+                    if hits.len() < KEPT { u16::MAX } else { hits.last().map_or(u16::MAX, |h| h.cost) };
                 if cost >= worst {
                     continue;
                 }
@@ -379,7 +381,9 @@ where
             if out.len() == first + self.params.proposals {
                 break;
             }
-            let same = |other: &Gaussian<P>| self.distance(&other.mean, &belief.mean) < 2.0 * self.params.chamfer.sigma;
+            let same = |other: &Gaussian<P>| {
+                self.distance(&other.mean, &belief.mean) < 2.0 * self.params.chamfer.sigma
+            };
             if belief.is_finite() && !out[first..].iter().any(same) {
                 out.push(belief);
             }

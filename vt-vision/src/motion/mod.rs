@@ -4,11 +4,13 @@ mod difference;
 mod gradient;
 mod history;
 mod segments;
+mod still;
 
 pub use difference::{difference, three_frame_difference};
 pub use gradient::{Flow, MotionGradient};
 pub use history::{MotionHistory, update_history};
 pub use segments::{MotionSegment, MotionSegmentation};
+pub use still::StillPicture;
 
 use image::GrayImage;
 use vt_core::error::{ConfigError, MeasureError};
@@ -27,6 +29,9 @@ pub enum Compared {
     /// The last with each of the two before: what moved is seen where it is.
     #[default]
     Three,
+    /// The last with the picture of all that stood still for one duration ([`StillPicture`]): what moved is seen whole, where it is.
+    /// Where that is not known yet, the last three.
+    Still,
 }
 
 /// Parameters of [`MotionProcessing`].
@@ -64,7 +69,10 @@ impl MotionParams {
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
     mask: Plane<u8>,
+    /// Of two frames, for what stands still.
+    changes: Plane<u8>,
     history: MotionHistory,
+    still: StillPicture,
     /// Newest first.
     frames: [GrayImage; 3],
     seen: usize,
@@ -84,21 +92,35 @@ impl Motion {
             self.seen = 0;
         }
         self.seen = (self.seen + 1).min(3);
-        let mask = self.mask.reshape(Roi { x: 0, y: 0, width, height });
+        let region = Roi { x: 0, y: 0, width, height };
+        let mask = self.mask.reshape(region);
         match params.compared {
             Compared::Two if self.seen >= 2 => difference(now, before, params.threshold, mask),
-            Compared::Three if self.seen >= 3 => {
+            Compared::Three | Compared::Still if self.seen >= 3 => {
                 three_frame_difference(now, before, earlier, params.threshold, mask);
             }
             _ => mask.fill(0),
         }
-        self.history.update(&self.mask, frame.time, params.duration);
+        if params.compared == Compared::Still {
+            let changes = self.changes.reshape(region);
+            difference(now, before, params.threshold, changes);
+            self.history.update(&self.changes, frame.time, params.duration);
+            self.still.update(now, &self.history, frame.time);
+            self.still.compare(now, params.threshold, self.mask.values_mut());
+        } else {
+            self.history.update(&self.mask, frame.time, params.duration);
+        }
         Ok(())
     }
 
     /// 255 where the newest frame differs from those before, 0 elsewhere.
     pub fn mask(&self) -> &Plane<u8> {
         &self.mask
+    }
+
+    /// What stood still; empty unless frames are compared with it.
+    pub fn still(&self) -> &StillPicture {
+        &self.still
     }
 
     /// When pixels moved last.

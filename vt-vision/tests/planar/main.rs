@@ -2,4 +2,5 @@
 
 mod convergence;
 mod duality;
+mod mass;
 mod scene;

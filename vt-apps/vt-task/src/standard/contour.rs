@@ -8,7 +8,8 @@ use vt_core::manifold::Alloc;
 use vt_models::warp::PlanarWarp;
 use vt_vision::canny::{CannyParams, Norm, Thresholds};
 use vt_vision::contour::{
-    ChamferModality, ChamferParams, ChamferSearch, ChamferSearchParams, ContourModality, ContourParams, MOST_SAMPLES,
+    ChamferModality, ChamferParams, ChamferSearch, ChamferSearchParams, ContourModality, ContourParams,
+    MOST_SAMPLES,
 };
 use vt_vision::gaussian::Gaussian;
 

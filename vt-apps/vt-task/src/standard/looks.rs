@@ -81,13 +81,16 @@ where
 }
 
 /// Width and height of the rectangle about the origin that holds the shape.
-fn size(context: &ModalityContext<'_>) -> Result<[f64; 2], ConfigError> {
+pub(super) fn size(context: &ModalityContext<'_>) -> Result<[f64; 2], ConfigError> {
     let [low, high] = context.shape.outline()?.bounds();
     Ok([2.0 * high.x.max(-low.x), 2.0 * high.y.max(-low.y)])
 }
 
 /// A picture that the shape fills, and the pose at which it does.
-fn reference(file: &FilePath, context: &ModalityContext<'_>) -> Result<(RgbImage, Sim2), ConfigError> {
+pub(super) fn reference(
+    file: &FilePath,
+    context: &ModalityContext<'_>,
+) -> Result<(RgbImage, Sim2), ConfigError> {
     let picture = vt_io::picture::read_rgb(&context.place.resolve(file))
         .map_err(|e| ConfigError::Mismatch { found: e.to_string(), expected: "a readable picture".into() })?;
     let (width, height) = picture.dimensions();

@@ -9,6 +9,7 @@ pub mod fusion;
 pub mod init;
 pub mod looks;
 pub mod loss;
+pub mod mass;
 pub mod motion;
 pub mod output;
 pub mod particle;
@@ -292,6 +293,11 @@ where
         .with(Method::<Warps<P>>::new(kind, about, planar::warp::<P>))
         .with(Method::<Motions<P>>::new("brownian", "random walk of the pose", planar::brownian::<P>))
         .with(Method::<Motions<P>>::new("constant-velocity", "white acceleration", planar::velocity::<P>))
+        .with(Method::<Motions<P>>::new(
+            "fading-velocity",
+            "Ornstein-Uhlenbeck velocity",
+            planar::fading::<P>,
+        ))
         .with(Method::<Inits<P>>::new("pose", "a pose written in the task", planar::pose::<P>))
         .with(Method::<Inits<P>>::new("box", "the pose of a box in the picture", planar::on_box::<P>))
         .with(Method::<Reinits<P>>::new(
@@ -324,5 +330,22 @@ where
             Method::<Modalities<P>>::new("color", "colour histograms under a kernel", looks::color::<P>)
                 .levels(&[Pixel])
                 .picture(Picture::Colour),
+        )
+        .with(
+            Method::<Modalities<P>>::new(
+                "motion-centre",
+                "mass centre of what moves",
+                mass::motion_centre::<P>,
+            )
+            .levels(&[Object]),
+        )
+        .with(
+            Method::<Modalities<P>>::new(
+                "color-centre",
+                "mass centre of the object's colours",
+                mass::color_centre::<P>,
+            )
+            .levels(&[Object])
+            .picture(Picture::Colour),
         )
 }

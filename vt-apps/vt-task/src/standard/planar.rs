@@ -4,17 +4,18 @@ use nalgebra::{DefaultAllocator, Dim, DimAdd, DimSum, Point2, U1, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::belief::Gaussian;
-use vt_core::dynamics::{Brownian, ConstantVelocity};
+use vt_core::dynamics::{Brownian, ConstantVelocity, OrnsteinUhlenbeck};
 use vt_core::error::ConfigError;
 use vt_core::lie::{Affine2, LieGroup, PlanarMotion, SE2, SL3, Sim2, TranslationScale, Vector};
 use vt_core::manifold::{Alloc, Tangent};
+use vt_core::time::Seconds;
 use vt_fusion::reinitialization::PriorPoses;
 use vt_models::outline::Outline;
 
 use super::init::around;
 use crate::quantity::{
     Angle, AngularDiffusion, AngularSpeed, AngularSpeedDiffusion, PixelDiffusion, PixelSpeed,
-    PixelSpeedDiffusion, Pixels, Share, ShareDiffusion, ShareSpeed, ShareSpeedDiffusion,
+    PixelSpeedDiffusion, Pixels, Share, ShareDiffusion, ShareSpeed, ShareSpeedDiffusion, Span,
 };
 use crate::registry::{NoParams, Params};
 use crate::roles::{
@@ -159,6 +160,28 @@ impl Params for PlanarVelocity {
     }
 }
 
+/// Parameters of the dynamics `fading-velocity` in the picture plane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanarFading {
+    /// Time in which a velocity falls to a third.
+    pub fades_in: Span,
+    /// White acceleration.
+    pub acceleration: PlanarAcceleration,
+    /// Deviation of the velocity at the start and after a re-initialisation.
+    pub speed: PlanarSpeed,
+}
+
+impl Params for PlanarFading {
+    fn check(&self) -> Result<(), ConfigError> {
+        if self.fades_in.si() <= 0.0 {
+            return Err(ConfigError::parameter("fades_in", self.fades_in, "a positive time"));
+        }
+        self.acceleration.check()?;
+        self.speed.check()
+    }
+}
+
 /// All coordinates are free; what has neither uncertainty nor noise keeps its value.
 pub(super) fn warp<P: PlanarSpace>(_: NoParams, _: ()) -> Result<Freedom, ConfigError>
 where
@@ -188,6 +211,17 @@ where
         Chosen(Box::new(ConstantVelocity::new(density)?)),
         vec![Deviations::<P>::tangent(&p.speed)?],
     ))
+}
+
+pub(super) fn fading<P: PlanarSpace>(p: PlanarFading, _: &Freedom) -> Result<Motion<P>, ConfigError>
+where
+    P::D: DimAdd<P::D>,
+    DimSum<P::D, P::D>: DimAdd<P::D>,
+    DefaultAllocator: StateAlloc<P::D>,
+{
+    let density: Tangent<P> = Deviations::<P>::tangent(&p.acceleration)?.map(|s| s * s);
+    let model = OrnsteinUhlenbeck::new(Seconds(p.fades_in.si()), density)?;
+    Ok(Motion::Moving(Chosen(Box::new(model)), vec![Deviations::<P>::tangent(&p.speed)?]))
 }
 
 /// A pose in the picture plane: `x ↦ scale · R(rotation) x + translation`.

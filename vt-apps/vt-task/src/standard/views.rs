@@ -144,10 +144,7 @@ pub(super) fn views(
 }
 
 /// Never proposes anything.
-pub(super) fn none<P: Manifold>(
-    _: NoParams,
-    _: ReinitContext<'_, P>,
-) -> Result<ReinitProduct<P>, ConfigError>
+pub(super) fn none<P: Manifold>(_: NoParams, _: ReinitContext<'_, P>) -> Result<ReinitProduct<P>, ConfigError>
 where
     DefaultAllocator: Alloc<P::D>,
 {

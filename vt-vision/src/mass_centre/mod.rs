@@ -1,0 +1,50 @@
+//! Mass centres as object-level measurements: where what moved, or what has the target's colour, is on average (paper Fig. 7).
+//!
+//! A [`MassSource`] gives every pixel near the prediction a weight. The [`MassCentreModality`] lets a window of the object's size slide to the
+//! mean place of the weights in it, takes off what a ring around it has (clutter has the same weight inside and outside),
+//! and hands over the place with a covariance that counts four errors ([`Sight::covariance`]). Nothing seen is **no
+//! measurement**. Poses with more than a place get information about the place alone.
+
+mod color;
+mod measurement;
+mod modality;
+mod motion;
+mod params;
+mod sight;
+
+pub use color::ColorMass;
+pub use measurement::CentreMeasurement;
+pub use modality::MassCentreModality;
+pub use motion::{MotionMass, MotionWeights};
+pub use params::MassCentreParams;
+pub use sight::{Sight, Window};
+
+use vt_core::error::MeasureError;
+use vt_core::evidence::{Evidence, EvidenceKey};
+use vt_core::frame::Roi;
+
+use crate::plane::Plane;
+
+/// Pixels with weights, from some evidence: motion, classes of colours, back-projection.
+pub trait MassSource: Send {
+    /// Whether the first frame, in which the object fills its predicted box, shows how much mass it has and where.
+    const SEEN_AT_START: bool;
+
+    /// Evidence that must be prepared.
+    fn needs(&self) -> &[EvidenceKey];
+
+    /// Weights of the pixels of `region` at least, 0 to 255; `None` while there are none. A source that has to learn
+    /// what the object looks like does so from the box `object`, where it is predicted.
+    ///
+    /// # Errors
+    /// When the evidence does not fit.
+    fn weigh<'a>(
+        &'a mut self,
+        evidence: &'a Evidence,
+        region: Roi,
+        object: Roi,
+    ) -> Result<Option<&'a Plane<u8>>, MeasureError>;
+
+    /// Drops what was learnt, but for what was given.
+    fn forget(&mut self) {}
+}

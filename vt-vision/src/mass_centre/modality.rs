@@ -1,0 +1,179 @@
+//! The mass centre of one target.
+
+use nalgebra::{DefaultAllocator, Matrix2, Point2, Vector2};
+use vt_core::agent::{Posed, Warp};
+use vt_core::belief::Gaussian;
+use vt_core::error::{ConfigError, MeasureError};
+use vt_core::evidence::{Evidence, EvidenceKey};
+use vt_core::frame::Roi;
+use vt_core::lie::PlanarMotion;
+use vt_core::manifold::Alloc;
+use vt_core::measurement::{Measurement, Modality};
+use vt_core::sketch::{Mark, Role};
+use vt_models::warp::PlanarWarp;
+
+use super::{CentreMeasurement, MassCentreParams, MassSource, Sight, Window};
+use crate::rectangle::Rectangle;
+use crate::search_region::check_prior;
+
+/// Object-level modality of one target: the mass centre of what a source sees near the prediction.
+pub struct MassCentreModality<P, S> {
+    params: MassCentreParams,
+    source: S,
+    warp: PlanarWarp<P>,
+    rectangle: Rectangle,
+    expected: Option<Expected>,
+    measured: Option<CentreMeasurement<P>>,
+}
+
+/// What is known of the mass of an object.
+#[derive(Clone, Copy, Debug)]
+struct Expected {
+    /// Share of the object's box.
+    share: f64,
+    /// Its centre in the model.
+    point: Point2<f64>,
+}
+
+/// The object and its place as they are predicted.
+struct Predicted {
+    object: Window,
+    /// Covariance of the place.
+    covariance: Matrix2<f64>,
+}
+
+impl<P: PlanarMotion, S: MassSource> MassCentreModality<P, S>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    /// A modality for an object of `width × height` in its own units about its origin.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for parameters and sizes out of range.
+    pub fn new(
+        params: MassCentreParams,
+        source: S,
+        warp: PlanarWarp<P>,
+        size: [f64; 2],
+    ) -> Result<Self, ConfigError> {
+        let (params, rectangle) = (params.check()?, Rectangle::new(size)?);
+        Ok(Self { params, source, warp, rectangle, expected: None, measured: None })
+    }
+
+    /// Where the weights come from.
+    pub fn source(&self) -> &S {
+        &self.source
+    }
+
+    /// `None` where the object has no image.
+    fn predict(&self, prior: &Gaussian<P>) -> Option<Predicted> {
+        let posed = self.warp.at(&prior.mean);
+        let (mut low, mut high): (Vector2<f64>, Vector2<f64>) =
+            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
+        for corner in self.rectangle.corners() {
+            let y = posed.locate(&corner)?.coords;
+            (low, high) = (low.inf(&y), high.sup(&y));
+        }
+        let (_, j) = posed.linearize(&Point2::origin())?;
+        let centre = Point2::new(0.5 * (low.x + high.x), 0.5 * (low.y + high.y));
+        let object = Window { centre, half: (high - low) * 0.5 };
+        Some(Predicted { object, covariance: &j * &prior.covariance * j.transpose() })
+    }
+
+    /// The window of the widest look: that of the object, wider by some predicted deviations, but not by more than the object: what is farther
+    /// away is found only after it came near.
+    fn first_look(&self, predicted: &Predicted) -> Window {
+        let sigma = predicted.covariance.diagonal().map(|v| v.max(0.0).sqrt());
+        let mut window = self.window(predicted);
+        window.half += (sigma * self.params.deviations).inf(&predicted.object.half);
+        window
+    }
+
+    fn window(&self, predicted: &Predicted) -> Window {
+        predicted.object.about(predicted.object.centre, self.params.window)
+    }
+
+    /// Looks at a picture.
+    fn look(
+        &mut self,
+        evidence: &Evidence,
+        prior: &Gaussian<P>,
+    ) -> Result<Option<CentreMeasurement<P>>, MeasureError> {
+        let params = self.params;
+        let Some(predicted) = self.predict(prior) else { return Ok(None) };
+        let (start, window) = (self.first_look(&predicted), self.window(&predicted));
+        let Predicted { object, covariance } = predicted;
+        // With the ring around the window wherever it slides.
+        let all = start.about(start.centre, core::f64::consts::SQRT_2).pixels();
+        let Some(plane) = self.source.weigh(evidence, all, object.pixels())? else { return Ok(None) };
+        let expected = match self.expected {
+            Some(expected) => expected,
+            None if S::SEEN_AT_START => {
+                let matrix = prior.mean.matrix().try_inverse();
+                let (Some(seen), Some(model_from_picture)) = (Sight::at(plane, &object), matrix) else {
+                    return Ok(None);
+                };
+                let (share, point) = (seen.share(&object), model_from_picture.transform_point(&seen.centre));
+                *self.expected.insert(Expected { share, point })
+            }
+            None => Expected { share: params.share, point: Point2::origin() },
+        };
+        let Some(place) = self.warp.at(&prior.mean).locate(&expected.point) else { return Ok(None) };
+        let least = params.least_share * expected.share * object.area();
+        let slid = Sight::slide(plane, &window.about(place, 1.0), &start.about(place, 1.0), least);
+        let Some(seen) = slid.filter(|seen| seen.mass >= least) else { return Ok(None) };
+        let noise = seen.covariance(&object, expected.share, params.patch, params.wobble);
+        let apart = seen.centre - place;
+        let near = (noise + covariance)
+            .cholesky()
+            .is_some_and(|c| apart.dot(&c.solve(&apart)) <= params.deviations * params.deviations);
+        let measured = CentreMeasurement::new(self.warp.clone(), seen.centre, noise).filter(|_| near);
+        Ok(measured.map(|z| z.of_point(expected.point)))
+    }
+}
+
+impl<P: PlanarMotion, S: MassSource> Modality<P> for MassCentreModality<P, S>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    fn needs(&self) -> &[EvidenceKey] {
+        self.source.needs()
+    }
+
+    /// The object's box at the predicted pose, widened by some predicted deviations, and a ring around it.
+    fn region(&self, prior: &Gaussian<P>) -> Option<Roi> {
+        let start = self.first_look(&self.predict(prior).filter(|_| prior.is_finite())?);
+        Some(start.about(start.centre, core::f64::consts::SQRT_2).pixels())
+    }
+
+    fn measure(
+        &mut self,
+        evidence: &Evidence,
+        prior: &Gaussian<P>,
+    ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
+        self.measured = None;
+        check_prior(prior)?;
+        self.measured = self.look(evidence, prior)?;
+        Ok(self.last())
+    }
+
+    fn last(&self) -> Option<&dyn Measurement<P>> {
+        self.measured.as_ref().map(|z| z as _)
+    }
+
+    fn forget(&mut self) {
+        self.expected = None;
+        self.source.forget();
+    }
+
+    fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
+        self.rectangle.sketch(&self.warp, pose, out);
+        if let Some(z) = &self.measured {
+            out.push(Mark::Point { at: z.centre().into(), role: Role::Inlier });
+            // Three deviations.
+            let r = z.covariance() * 9.0;
+            let shape = [r.m11, r.m12, r.m22];
+            out.push(Mark::Ellipse { center: z.centre().into(), shape, role: Role::Uncertainty });
+        }
+    }
+}
