@@ -24,7 +24,7 @@ type Pose = Vector<2>;
 
 const SIZE: [f64; 2] = [24.0, 36.0];
 
-/// A patch of a colour of its own about `at` before a weakly coloured background, with noise; no patch without a place.
+/// A brighter patch of a colour of its own about `at` before a weakly coloured background, with noise; no patch without a place.
 fn frame(number: u64, at: Option<Vector2<f64>>) -> Frame {
     let mut random = Random::new(7, Stream::Sim, 1, number, 0);
     let picture = RgbImage::from_fn(160, 120, |x, y| {
@@ -32,7 +32,7 @@ fn frame(number: u64, at: Option<Vector2<f64>>) -> Frame {
             (f64::from(x) - c.x).abs() <= SIZE[0] / 2.0 && (f64::from(y) - c.y).abs() <= SIZE[1] / 2.0
         });
         let texture = f64::from((x / 5 + y / 7) % 3) * 8.0;
-        let base = if inside { [170.0, 70.0, 60.0] } else { [90.0 + texture, 100.0 + texture, 95.0] };
+        let base = if inside { [230.0, 120.0, 110.0] } else { [90.0 + texture, 100.0 + texture, 95.0] };
         Rgb(base.map(|c| (c + 4.0 * random.normal()).round().clamp(0.0, 255.0) as u8))
     });
     let time = Timestamp::from_seconds(0.04 * number as f64);
@@ -98,7 +98,8 @@ fn colours_of_the_start_are_found_again_and_know_their_error() {
 #[test]
 fn what_moves_is_found_where_it_is_and_what_stands_is_not_seen() {
     for compared in [Compared::Two, Compared::Three, Compared::Still] {
-        let params = MotionParams { threshold: 20, compared, duration: Seconds(0.4) };
+        // The patch passes a pixel in 0.5 s.
+        let params = MotionParams { threshold: 20, compared, duration: Seconds(0.8) };
         let (mut modality, mut evidence) = motion(params);
         let path = |k: u64| Vector2::new(30.0 + 2.0 * k as f64, 60.0);
         let (mut sum, mut seen) = (0.0, 0);
