@@ -103,19 +103,26 @@ const MODALITIES: [&str; 5] = [
     r#"{ kind = "template", level = "pixel", sensor = "camera" }"#,
 ];
 
-/// With bounds of the error. Those of the Kalman filters were set after their errors were seen (docs/flat-targets.md) and only tell that the
-/// object is not lost: one linearisation a frame lags behind the steps.
-const ESTIMATORS: [(&str, f64); 3] = [
-    (r#"{ kind = "particle", params = { particles = 300 } }"#, 1.5),
-    (r#"{ kind = "kalman" }"#, 6.0),
-    (r#"{ kind = "kalman", params = { iterations = 10 } }"#, 2.0),
+const ESTIMATORS: [&str; 3] = [
+    r#"{ kind = "particle", params = { particles = 300 } }"#,
+    r#"{ kind = "kalman" }"#,
+    r#"{ kind = "kalman", params = { iterations = 10 } }"#,
 ];
+
+/// Root mean square error that the pairs keep, pixels: the deviation of a coordinate's step from frame to frame. One does not: the gradient of
+/// a template reaches a pixel or two, and one linearisation a frame lags behind the steps; its bound was set after its error was seen and only
+/// tells that the object is not lost.
+fn bound(modality: &str, estimator: &str) -> f64 {
+    let alone = modality == MODALITIES[4] && estimator == ESTIMATORS[1];
+    if alone { 6.0 } else { 1.5 }
+}
 
 #[test]
 fn any_measurement_runs_under_any_estimator() {
     let mut wrong = vec![];
     for modality in MODALITIES {
-        for (estimator, bound) in ESTIMATORS {
+        for estimator in ESTIMATORS {
+            let bound = bound(modality, estimator);
             let error = error(&track(&task(modality, estimator)));
             println!("{error:6.2} px  {modality} {estimator}");
             if error.is_nan() || error >= bound {
@@ -157,7 +164,7 @@ fn the_same_bytes_at_one_and_two_threads() {
     let both = MODALITIES.join(", ");
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| track(&task(&both, ESTIMATORS[0].0)))
+        pool.install(|| track(&task(&both, ESTIMATORS[0])))
     };
     assert_eq!(run(1), run(2));
 }
