@@ -113,7 +113,7 @@ const MODALITIES: [&str; 5] = [
     r#"{ kind = "contour", level = "pixel", sensor = "camera", params = { hypotheses = "single" } }"#,
     r#"{ kind = "chamfer", level = "pixel", sensor = "camera" }"#,
     r#"{ kind = "color", level = "pixel", sensor = "camera", params = { rows = 2, lambda = 60.0 } }"#,
-    r#"{ kind = "template", level = "pixel", sensor = "camera" }"#,
+    r#"{ kind = "template", level = "pixel", sensor = "camera", params = { smoothing = 1.0 } }"#,
 ];
 
 const ESTIMATORS: [&str; 4] = [

@@ -49,7 +49,7 @@ pub struct TemplateParams {
 
 impl Default for TemplateParams {
     fn default() -> Self {
-        Self { lambda: 20.0, samples: 400, least_inside: 0.5, smoothing: 1.0 }
+        Self { lambda: 20.0, samples: 400, least_inside: 0.5, smoothing: 0.0 }
     }
 }
 
