@@ -64,7 +64,7 @@ fn main() -> Result<(), Failure> {
     let canny_params = CannyParams::new(Thresholds::Fixed { low: 12.5, high: 37.5 })?;
     let hand = Outline::ellipse(110.0, 150.0)?.sample(60);
     let contour = ContourModality::new(
-        ContourParams::default(),
+        ContourParams { sigma: 3.0, range: 15.0, ..ContourParams::default() },
         canny_params.clone(),
         SENSOR,
         PlanarWarp::default(),

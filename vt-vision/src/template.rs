@@ -8,13 +8,17 @@
 //! with `t̂`, `î` the grey levels of template and picture less their means, of unit length: changes of brightness and
 //! contrast do not count. The residual `t̂ − î` makes the same likelihood fit for Gauss–Newton, with the exact derivative of
 //! the bilinear interpolation. `lambda` is the inverse temperature.
+//!
+//! A derivative tells the way to the template only as far as its structures are wide. So template and picture are both
+//! smoothed as far as the prediction is uncertain: the likelihood is that of the smoothed pictures, and its linear form
+//! holds over the prior (coarse to fine; B. Lucas, T. Kanade, "An iterative image registration technique", 1981).
 
 use std::sync::Arc;
 
 use image::GrayImage;
 use nalgebra::{DefaultAllocator, Point2, U1, Vector2};
 use vt_core::agent::{Posed, Warp};
-use vt_core::belief::Gaussian;
+use vt_core::belief;
 use vt_core::error::{ConfigError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Payload, SensorId};
@@ -25,8 +29,9 @@ use vt_core::sketch::Mark;
 use vt_models::warp::PlanarWarp;
 
 use crate::color::grey_of;
+use crate::gaussian::{Blur, Gaussian};
 use crate::rectangle::Rectangle;
-use crate::search_region::check_prior;
+use crate::search_region::{check_prior, search_region};
 use crate::turns::Turns;
 
 /// Parameters of a [`TemplateModality`].
@@ -38,11 +43,13 @@ pub struct TemplateParams {
     pub samples: usize,
     /// Least share of the points that must be in the picture; below it nothing correlates.
     pub least_inside: f64,
+    /// Width of the smoothing, as a deviation, in predicted deviations of the patch's corners; 0 for pictures as they are.
+    pub smoothing: f64,
 }
 
 impl Default for TemplateParams {
     fn default() -> Self {
-        Self { lambda: 20.0, samples: 400, least_inside: 0.5 }
+        Self { lambda: 20.0, samples: 400, least_inside: 0.5, smoothing: 0.0 }
     }
 }
 
@@ -61,6 +68,9 @@ impl TemplateParams {
         if !(self.least_inside > 0.0 && self.least_inside <= 1.0) {
             return Err(ConfigError::parameter("least_inside", self.least_inside, "above 0, at most 1"));
         }
+        if !(self.smoothing >= 0.0 && self.smoothing.is_finite()) {
+            return Err(ConfigError::parameter("smoothing", self.smoothing, "zero or a positive number"));
+        }
         Ok(self)
     }
 }
@@ -71,14 +81,23 @@ const FLAT: f64 = 0.25;
 /// A correlation above this supports the template.
 const SIMILAR: f64 = 0.6;
 
+/// Widths of the smoothing, as deviations in pixels, for which a template is kept beside that of the picture as it is. Finer steps change
+/// nothing that matters; where the prediction is less certain than the widest, there would be nothing left of most objects.
+const WIDTHS: [f64; 6] = [1.0, 1.4, 2.0, 2.8, 4.0, 5.6];
+
+/// Predicted deviations within which the picture is smoothed.
+const DEVIATIONS: f64 = 6.0;
+
 /// The picture of a frame and the template that is looked for in it.
 pub struct TemplateLikelihood<P> {
     warp: PlanarWarp<P>,
     params: TemplateParams,
     picture: Arc<GrayImage>,
     points: Vec<Point2<f64>>,
-    /// Grey levels of the template at the points; empty without one.
-    levels: Vec<f64>,
+    /// Grey levels of the template at the points, as it is and at each of [`WIDTHS`]; empty without one.
+    templates: Vec<Vec<f64>>,
+    /// The one that `picture` is compared with.
+    scale: usize,
 }
 
 /// Grey level and gradient of the bilinear interpolation; `None` outside of the pixel centres.
@@ -139,10 +158,15 @@ impl<P: PlanarMotion> TemplateLikelihood<P>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    /// Calls `f(grey level of the template, place, picture)` for every point in the picture; the sums over them.
+    /// Grey levels of the template at the points, smoothed like the picture.
+    fn levels(&self) -> &[f64] {
+        self.templates.get(self.scale).map_or(&[], Vec::as_slice)
+    }
+
+    /// Sums over the points in the picture.
     fn sums(&self, posed: &impl Posed<P, Body = Point2<f64>>) -> Option<Sums> {
         let mut sums = Sums::default();
-        for (point, &level) in self.points.iter().zip(&self.levels) {
+        for (point, &level) in self.points.iter().zip(self.levels()) {
             if let Some((image, _)) = posed.locate(point).and_then(|y| interpolate(&self.picture, &y)) {
                 sums.add(image, level);
             }
@@ -161,7 +185,7 @@ where
         let posed = self.warp.at(at);
         let Some((mean, length, ncc)) = self.sums(&posed).and_then(|s| s.correlation()) else { return 0.0 };
         let each = |f: &mut dyn FnMut(f64, f64, Tangent<P>)| {
-            for (point, &level) in self.points.iter().zip(&self.levels) {
+            for (point, &level) in self.points.iter().zip(self.levels()) {
                 let Some((y, j)) = posed.linearize(point) else { continue };
                 let Some((image, gradient)) = interpolate(&self.picture, &y) else { continue };
                 f(
@@ -184,16 +208,30 @@ where
         ncc
     }
 
-    /// Takes the grey levels at `pose`; `false` where not all of the patch is in the picture or it is flat.
-    fn learn(&mut self, pose: &P) -> bool {
+    /// Takes the grey levels at `pose` at all widths; `false` where not all of the patch is in the picture or it is flat.
+    fn learn(&mut self, kernels: &[Gaussian], corners: &[Point2<f64>], pose: &P) -> bool {
         let posed = self.warp.at(pose);
-        let level = |x: &Point2<f64>| Some(interpolate(&self.picture, &posed.locate(x)?)?.0);
-        let Some(levels) = self.points.iter().map(level).collect::<Option<Vec<f64>>>() else { return false };
-        let mut sums = Sums::default();
-        levels.iter().for_each(|&l| sums.add(l, l));
-        let textured = sums.correlation().is_some();
-        self.levels = if textured { levels } else { vec![] };
-        textured
+        let certain = belief::Gaussian::from_sigmas(pose.clone(), &pose.zero());
+        let region = search_region(&self.warp, corners.iter(), &certain, 0.0, 2.0);
+        let (mut blur, mut smooth) = (Blur::default(), GrayImage::default());
+        self.templates.clear();
+        for kernel in core::iter::once(None).chain(kernels.iter().map(Some)) {
+            let mut source = &*self.picture;
+            if let Some(kernel) = kernel {
+                blur.picture(source, region, kernel, &mut smooth);
+                source = &smooth;
+            }
+            let level = |x: &Point2<f64>| Some(interpolate(source, &posed.locate(x)?)?.0);
+            let Some(levels) = self.points.iter().map(level).collect::<Option<Vec<f64>>>() else { break };
+            let mut sums = Sums::default();
+            levels.iter().for_each(|&l| sums.add(l, l));
+            // What smoothing wipes out is no template; finer ones are.
+            if sums.correlation().is_none() {
+                break;
+            }
+            self.templates.push(levels);
+        }
+        !self.templates.is_empty()
     }
 }
 
@@ -245,8 +283,12 @@ pub struct TemplateModality<P> {
     sensor: SensorId,
     rectangle: Rectangle,
     likelihood: TemplateLikelihood<P>,
+    kernels: Vec<Gaussian>,
+    blur: Blur,
     /// Grey pictures of colour frames.
     pictures: Turns<GrayImage>,
+    /// The pictures, smoothed around the target.
+    smoothed: Turns<GrayImage>,
     given: bool,
     seen: bool,
 }
@@ -266,9 +308,22 @@ where
         size: [f64; 2],
     ) -> Result<Self, ConfigError> {
         let (params, rectangle) = (params.check()?, Rectangle::new(size)?);
+        let kernels = WIDTHS.map(Gaussian::new).into_iter().collect::<Result<_, _>>()?;
         let points = rectangle.lattice(params.samples);
-        let likelihood = TemplateLikelihood { warp, params, picture: Arc::default(), points, levels: vec![] };
-        Ok(Self { sensor, rectangle, likelihood, pictures: Turns::default(), given: false, seen: false })
+        let (picture, templates) = Default::default();
+        let likelihood = TemplateLikelihood { warp, params, picture, points, templates, scale: 0 };
+        let (blur, pictures, smoothed) = Default::default();
+        Ok(Self {
+            sensor,
+            rectangle,
+            likelihood,
+            kernels,
+            blur,
+            pictures,
+            smoothed,
+            given: false,
+            seen: false,
+        })
     }
 
     /// Takes the template from a picture that shows the object at `pose`.
@@ -277,7 +332,7 @@ where
     /// [`ConfigError::Mismatch`] where the object is not whole in the picture, or without structure.
     pub fn with_reference(mut self, picture: &GrayImage, pose: &P) -> Result<Self, ConfigError> {
         self.likelihood.picture = Arc::new(picture.clone());
-        self.given = self.likelihood.learn(pose);
+        self.given = self.learn(pose);
         if self.given {
             return Ok(self);
         }
@@ -288,6 +343,47 @@ where
             expected: "a pose at which the picture shows a textured object".into(),
         })
     }
+
+    fn learn(&mut self, pose: &P) -> bool {
+        self.likelihood.learn(&self.kernels, &self.rectangle.corners(), pose)
+    }
+
+    /// Smooths the picture around the target as far as the prediction is uncertain, and no farther than there is a template.
+    fn smooth(&mut self, prior: &belief::Gaussian<P>) {
+        let Self { likelihood, rectangle, kernels, blur, smoothed, .. } = self;
+        let wanted = likelihood.params.smoothing * deviation(&likelihood.warp, &rectangle.corners(), prior);
+        let widest = likelihood.templates.len().saturating_sub(1);
+        likelihood.scale = WIDTHS.iter().take_while(|&&w| w <= wanted).count().min(widest);
+        let Some(width) = likelihood.scale.checked_sub(1) else { return };
+        let kernel = &kernels[width];
+        let margin = f64::from(kernel.reach()) + 2.0;
+        let region = search_region(&likelihood.warp, rectangle.corners().iter(), prior, DEVIATIONS, margin);
+        let smooth = smoothed.turn();
+        smooth.clone_from(&likelihood.picture);
+        blur.picture(&likelihood.picture, region, kernel, smooth);
+        likelihood.picture = smoothed.now().clone();
+    }
+}
+
+/// Predicted deviation of a coordinate of the points' images, root mean square over them, pixels.
+fn deviation<P: PlanarMotion>(
+    warp: &PlanarWarp<P>,
+    points: &[Point2<f64>],
+    prior: &belief::Gaussian<P>,
+) -> f64
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let posed = warp.at(&prior.mean);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (_, j) in points.iter().filter_map(|x| posed.linearize(x)) {
+        for row in 0..2 {
+            let j = j.row(row).transpose();
+            sum += (&prior.covariance * &j).dot(&j).max(0.0);
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
 }
 
 impl<P: PlanarMotion> Modality<P> for TemplateModality<P>
@@ -301,7 +397,7 @@ where
     fn measure(
         &mut self,
         evidence: &Evidence,
-        prior: &Gaussian<P>,
+        prior: &belief::Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
         self.seen = false;
         check_prior(prior)?;
@@ -314,7 +410,8 @@ where
             grey_of(frame, self.pictures.turn())?;
             self.likelihood.picture = self.pictures.now().clone();
         }
-        self.seen = !self.likelihood.levels.is_empty() || self.likelihood.learn(&prior.mean);
+        self.seen = !self.likelihood.templates.is_empty() || self.learn(&prior.mean);
+        self.smooth(prior);
         Ok(self.last())
     }
 
@@ -325,7 +422,7 @@ where
     /// A template that was given stays.
     fn forget(&mut self) {
         if !self.given {
-            self.likelihood.levels.clear();
+            self.likelihood.templates.clear();
         }
     }
 

@@ -39,7 +39,7 @@ pub struct ChamferParams {
 
 impl Default for ChamferParams {
     fn default() -> Self {
-        Self { sigma: 3.0, angle: 0.3, truncation: 3.0, temperature: None }
+        Self { sigma: 2.0, angle: 0.3, truncation: 3.0, temperature: None }
     }
 }
 

@@ -30,8 +30,8 @@ impl Default for ContourParams {
     fn default() -> Self {
         Self {
             hypotheses: Hypotheses::Multiple,
-            range: 15.0,
-            sigma: 3.0,
+            range: 12.0,
+            sigma: 2.0,
             miss_probability: 0.1,
             clutter_density: 0.03,
             temperature: None,

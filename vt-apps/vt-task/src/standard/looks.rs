@@ -108,6 +108,8 @@ pub struct Template {
     pub samples: usize,
     /// Least share of the points that must be in the picture; below it nothing correlates.
     pub least_inside: f64,
+    /// Width of the smoothing of picture and template, as a deviation, in predicted deviations of the corners; 0 for none.
+    pub smoothing: f64,
     /// Picture of the object alone, which fills it; the object at the start when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<FilePath>,
@@ -115,15 +117,15 @@ pub struct Template {
 
 impl Default for Template {
     fn default() -> Self {
-        let TemplateParams { lambda, samples, least_inside } = TemplateParams::default();
-        Self { lambda, samples, least_inside, reference: None }
+        let TemplateParams { lambda, samples, least_inside, smoothing } = TemplateParams::default();
+        Self { lambda, samples, least_inside, smoothing, reference: None }
     }
 }
 
 impl Template {
     fn params(&self) -> Result<TemplateParams, ConfigError> {
-        let Self { lambda, samples, least_inside, .. } = *self;
-        TemplateParams { lambda, samples, least_inside }.check()
+        let Self { lambda, samples, least_inside, smoothing, .. } = *self;
+        TemplateParams { lambda, samples, least_inside, smoothing }.check()
     }
 }
 
