@@ -248,6 +248,22 @@ where
     /// what was learnt since it was last placed may come from somewhere else. Nothing to do for who learns nothing.
     fn forget(&mut self) {}
 
+    /// Adapts the appearance to what this frame shows at `posterior` (the paper's model processor, §7). Called after the
+    /// correction, and only in steps whose estimate is trusted. Nothing to do for who adapts nothing.
+    ///
+    /// # Errors
+    /// When the evidence does not fit; what was known is then unchanged.
+    fn adapt(&mut self, evidence: &Evidence, posterior: &Gaussian<P>) -> Result<(), MeasureError> {
+        let _ = (evidence, posterior);
+        Ok(())
+    }
+
+    /// Goes back to what was known where the target was placed: it was lost, and what was adapted since may come from
+    /// somewhere else. Who has nothing to go back to forgets.
+    fn revert(&mut self) {
+        self.forget();
+    }
+
     /// Draws what was looked for and found, with the model at `pose`.
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
         let _ = (pose, out);

@@ -284,6 +284,29 @@ where
 
     fn forget(&mut self) {
         self.modalities.iter_mut().for_each(|m| m.forget());
+        if let Some(reinitializer) = &mut self.reinitializer {
+            reinitializer.forget();
+        }
+    }
+
+    fn revert(&mut self) {
+        self.modalities.iter_mut().for_each(|m| m.revert());
+    }
+
+    /// Lets those that saw the target in this step, and the re-initialiser, adapt to what it looks like.
+    fn adapt(&mut self, evidence: &Evidence, report: &mut StepReport) {
+        let start = Instant::now();
+        let pose = self.estimator.pose();
+        let seeing = self.modalities.iter_mut().zip(&self.seen).filter(|(_, seen)| **seen);
+        let mut outcomes = seeing.map(|(m, _)| m.adapt(evidence, &pose)).fold(Ok(()), Result::and);
+        if let Some(reinitializer) = &mut self.reinitializer {
+            outcomes = outcomes.and(reinitializer.adapt(evidence, &pose));
+        }
+        match outcomes {
+            Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
+            Err(e) => note(report, e),
+        }
+        report.timings.measure += nanoseconds(start);
     }
 
     /// True when the target may be re-initialised in the step to come.
@@ -309,7 +332,7 @@ where
                 continue;
             }
             // What was learnt while the target slipped away, or at the proposal before, speaks for wrong places.
-            self.forget();
+            self.revert();
             let figures = self.measure_and_correct(evidence, report);
             let Some(quality) = figures.quality else { continue };
             if best.as_ref().is_none_or(|(score, ..)| quality.log_ratio > *score) {
@@ -318,7 +341,7 @@ where
             }
         }
         self.proposals = proposals;
-        self.forget();
+        self.revert();
         self.loss.reset();
         let accepted = best.filter(|(.., figures)| self.loss.assess(figures).loss_probability < 0.5);
         match accepted {
@@ -391,6 +414,8 @@ where
         self.conclude(figures, report);
         if searching && self.status == Status::Lost {
             self.reinitialize(evidence, report);
+        } else if self.status == Status::Tracking && report.verdict.loss_probability < 0.5 {
+            self.adapt(evidence, report);
         }
     }
 

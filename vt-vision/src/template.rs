@@ -7,7 +7,8 @@
 //!
 //! with `t̂`, `î` the grey levels of template and picture less their means, of unit length: changes of brightness and
 //! contrast do not count. The residual `t̂ − î` makes the same likelihood fit for Gauss–Newton, with the exact derivative of
-//! the bilinear interpolation. `lambda` is the inverse temperature.
+//! the bilinear interpolation. `lambda` is the inverse temperature. `adapt` lets the template follow what is seen, see
+//! [`crate::adaptation`].
 
 use std::sync::Arc;
 
@@ -22,8 +23,10 @@ use vt_core::lie::PlanarMotion;
 use vt_core::manifold::{Alloc, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, Modality, NormalEquations, Quality};
 use vt_core::sketch::Mark;
+use vt_core::time::Timestamp;
 use vt_models::warp::PlanarWarp;
 
+use crate::adaptation::{Adaptation, AdaptationParams};
 use crate::color::grey_of;
 use crate::rectangle::Rectangle;
 use crate::search_region::check_prior;
@@ -38,11 +41,13 @@ pub struct TemplateParams {
     pub samples: usize,
     /// Least share of the points that must be in the picture; below it nothing correlates.
     pub least_inside: f64,
+    /// How the template follows what is seen; `None` for not at all.
+    pub adapt: Option<AdaptationParams>,
 }
 
 impl Default for TemplateParams {
     fn default() -> Self {
-        Self { lambda: 20.0, samples: 400, least_inside: 0.5 }
+        Self { lambda: 20.0, samples: 400, least_inside: 0.5, adapt: None }
     }
 }
 
@@ -61,12 +66,16 @@ impl TemplateParams {
         if !(self.least_inside > 0.0 && self.least_inside <= 1.0) {
             return Err(ConfigError::parameter("least_inside", self.least_inside, "above 0, at most 1"));
         }
+        self.adapt.map(AdaptationParams::check).transpose()?;
         Ok(self)
     }
 }
 
 /// Variance of grey levels below which a patch is flat and correlates with nothing.
 const FLAT: f64 = 0.25;
+
+/// Deviation of the grey levels of a template that was adapted.
+const CONTRAST: f64 = 64.0;
 
 /// A correlation above this supports the template.
 const SIMILAR: f64 = 0.6;
@@ -195,6 +204,38 @@ where
         self.levels = if textured { levels } else { vec![] };
         textured
     }
+
+    /// Blends the grey levels at `pose`, less their mean and of unit length, into the template of the same kind; not where the
+    /// patch is flat or not all of it is in the picture.
+    fn adapt(&mut self, adaptation: &mut Adaptation, pose: &P, now: Timestamp) {
+        let posed = self.warp.at(pose);
+        let Some(([mean, own], [length, of_template], _)) =
+            self.sums(&posed).and_then(|sums| sums.correlation())
+        else {
+            return;
+        };
+        adaptation.start(self.levels.iter().map(|level| (level - own) / of_template));
+        let seen = adaptation.seen();
+        let level = |x| Some((interpolate(&self.picture, &posed.locate(x)?)?.0 - mean) / length);
+        seen.extend(self.points.iter().map_while(level));
+        if seen.len() == self.points.len() {
+            self.take(adaptation.blend(now));
+        }
+    }
+
+    /// Takes the template from before all adaptation; `false` where there is none.
+    fn revert(&mut self, adaptation: &mut Adaptation) -> bool {
+        let Some(anchor) = adaptation.revert() else { return false };
+        self.take(anchor.iter().copied());
+        true
+    }
+
+    /// Takes levels less their mean and of about unit length as the template.
+    fn take(&mut self, levels: impl Iterator<Item = f64>) {
+        // Of a contrast that is far from flat.
+        let scale = CONTRAST * (self.points.len() as f64).sqrt();
+        self.levels.iter_mut().zip(levels).for_each(|(level, x)| *level = scale * x);
+    }
 }
 
 impl<P: PlanarMotion> Measurement<P> for TemplateLikelihood<P>
@@ -247,7 +288,10 @@ pub struct TemplateModality<P> {
     likelihood: TemplateLikelihood<P>,
     /// Grey pictures of colour frames.
     pictures: Turns<GrayImage>,
+    adaptation: Option<Adaptation>,
     given: bool,
+    /// The target was seen and trusted with this template.
+    settled: bool,
     seen: bool,
 }
 
@@ -268,7 +312,16 @@ where
         let (params, rectangle) = (params.check()?, Rectangle::new(size)?);
         let points = rectangle.lattice(params.samples);
         let likelihood = TemplateLikelihood { warp, params, picture: Arc::default(), points, levels: vec![] };
-        Ok(Self { sensor, rectangle, likelihood, pictures: Turns::default(), given: false, seen: false })
+        Ok(Self {
+            sensor,
+            rectangle,
+            likelihood,
+            pictures: Turns::default(),
+            adaptation: params.adapt.map(Adaptation::new),
+            given: false,
+            settled: false,
+            seen: false,
+        })
     }
 
     /// Takes the template from a picture that shows the object at `pose`.
@@ -324,7 +377,30 @@ where
 
     /// A template that was given stays.
     fn forget(&mut self) {
+        self.revert();
         if !self.given {
+            self.likelihood.levels.clear();
+            self.adaptation.iter_mut().for_each(Adaptation::forget);
+            self.settled = false;
+        }
+    }
+
+    fn adapt(&mut self, evidence: &Evidence, posterior: &Gaussian<P>) -> Result<(), MeasureError> {
+        check_prior(posterior)?;
+        let now = evidence.frame(self.sensor)?.time;
+        self.settled = true;
+        if let Some(adaptation) = &mut self.adaptation {
+            self.likelihood.adapt(adaptation, &posterior.mean, now);
+        }
+        Ok(())
+    }
+
+    /// The template that was given or learnt where the target was placed stays. One that was never trusted goes.
+    fn revert(&mut self) {
+        if let Some(adaptation) = &mut self.adaptation {
+            self.likelihood.revert(adaptation);
+        }
+        if !self.given && !self.settled {
             self.likelihood.levels.clear();
         }
     }

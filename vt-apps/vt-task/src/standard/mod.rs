@@ -315,4 +315,9 @@ where
                 .levels(&[Pixel])
                 .picture(Picture::Colour),
         )
+        .with(Method::<Reinits<P>>::new(
+            "back-projection",
+            "the last trusted pose, then where the target's colours are",
+            looks::back_projection::<P>,
+        ))
 }
