@@ -9,6 +9,7 @@ use vt_core::frame::Frame;
 use vt_core::lie::picture_from_plane;
 use vt_core::metrics::{Rectangle, success_auc};
 use vt_core::report::Status;
+use vt_fusion::loss::LossSigns;
 use vt_task::assembly::Scene;
 use vt_task::{Document, Registry, check};
 
@@ -35,6 +36,8 @@ pub struct Run {
     pub boxes: Vec<Rectangle>,
     /// Conditions of all frames.
     pub statuses: Vec<Status>,
+    /// Overlap with the truth and signs of loss, of the frames that have both.
+    pub signs: Vec<(f64, LossSigns)>,
     /// How often it was placed again.
     pub reinitialized: usize,
 }
@@ -140,6 +143,7 @@ impl Sequence {
         let (x, y) = (0.5 * b.width, 0.5 * b.height);
         let corners = [[-x, -y], [x, -y], [x, y], [-x, y]].map(Point2::from);
         let (mut boxes, mut statuses, mut times, mut reinitialized) = (vec![], vec![], vec![], 0);
+        let mut signs = vec![];
         for frame in &self.frames {
             let frame = frame.clone();
             let begin = ThreadTime::now();
@@ -147,7 +151,10 @@ impl Sequence {
             times.push(1e3 * begin.elapsed().as_secs_f64());
             ensure!(report.failure.is_none(), "{}: {:?}", self.name, report.failure);
             let matrix = picture_from_plane(&report.posterior).context("no pose of the plane")?;
-            boxes.push(bounds(&matrix, &corners));
+            let estimate = bounds(&matrix, &corners);
+            let overlap = self.truth.get(boxes.len()).copied().flatten().map(|t| t.iou(&estimate));
+            signs.extend(overlap.zip(LossSigns::new(&report.assessment)));
+            boxes.push(estimate);
             statuses.push(report.verdict.status);
             reinitialized += usize::from(report.reinitialized);
         }
@@ -155,7 +162,7 @@ impl Sequence {
             self.truth.iter().zip(&boxes).filter_map(|(t, b)| Some(t.as_ref()?.iou(b))).collect();
         let auc = success_auc(&overlaps).context("no truth")?;
         let ms = [crate::replay::median(&times), times.iter().sum::<f64>() / times.len() as f64];
-        Ok(Run { auc, ms, boxes, statuses, reinitialized })
+        Ok(Run { auc, ms, boxes, statuses, signs, reinitialized })
     }
 }
 

@@ -15,6 +15,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use rayon::prelude::*;
 use vt_core::report::Status;
+use vt_fusion::loss::LossSigns;
 use vt_tests::sot::{Run, Sequence};
 
 /// Scores the colour particle filter on sequences with true boxes.
@@ -38,7 +39,7 @@ struct Arguments {
     /// An interpreter that has OpenCV, whose Canny is timed on the same pictures.
     #[arg(long)]
     python: Option<PathBuf>,
-    /// Folder for boxes, `VARIANT-SEQUENCE-SEED.txt`.
+    /// Folder for boxes and for signs of loss with overlaps, `VARIANT-SEQUENCE-SEED.txt` and `.csv`.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -125,7 +126,16 @@ fn main() -> Result<()> {
                     format!("{:.2},{:.2},{:.2},{:.2}\n", b.x, b.y, b.width, b.height)
                 };
                 let text: String = run.boxes.iter().map(line).collect();
-                fs::write(folder.join(format!("{}-{}-{seed}.txt", variant.name, names[*k])), text)?;
+                let stem = format!("{}-{}-{seed}", variant.name, names[*k]);
+                fs::write(folder.join(format!("{stem}.txt")), text)?;
+                let line = |(overlap, s): &(f64, LossSigns)| {
+                    let numbers = [s.unsupported, s.log_ratio, s.misfit, s.surprise, s.spread];
+                    let cells = numbers.map(|v| format!(",{v:.3}")).concat();
+                    format!("{overlap:.3}{cells}\n")
+                };
+                let head = "overlap,unsupported,log_ratio,misfit,surprise,spread\n";
+                let text: String = run.signs.iter().map(line).collect();
+                fs::write(folder.join(format!("{stem}.csv")), head.to_owned() + &text)?;
             }
         }
         last = (0..sequences.len()).map(ms).collect();
