@@ -258,8 +258,8 @@ where
         Ok(())
     }
 
-    /// Goes back to what was known where the target was placed: it was lost, and what was adapted since may come from
-    /// somewhere else. Who has nothing to go back to forgets.
+    /// Forgets what was learnt while the target may have been somewhere else: it is lost, and other places are tried. What was
+    /// learnt in steps that were trusted may stay; who does not tell them apart forgets all.
     fn revert(&mut self) {
         self.forget();
     }

@@ -315,11 +315,13 @@ where
     }
 
     /// Tries every proposed prior on this frame and keeps the one that the data support best, if it is not itself
-    /// judged a loss. It stays doubtful until the steps that follow confirm it, and what was trusted before is kept
-    /// until then.
+    /// judged a loss and they support it better than where the target was thought to be. It stays doubtful until the steps that
+    /// follow confirm it, and what was trusted before is kept until then. With no such prior the target goes on from where
+    /// it was thought to be if no proposal is better supported, and else from where it was trusted.
     fn reinitialize(&mut self, evidence: &Evidence, report: &mut StepReport) {
         let Some(reinitializer) = &mut self.reinitializer else { return };
         let start = Instant::now();
+        let (here, support) = (self.estimator.pose(), report.assessment.quality.map(|q| q.log_ratio));
         let mut proposals = core::mem::take(&mut self.proposals);
         proposals.clear();
         match reinitializer.propose(evidence, &self.trusted, &mut proposals) {
@@ -343,6 +345,8 @@ where
         self.proposals = proposals;
         self.revert();
         self.loss.reset();
+        let best = best.filter(|(score, ..)| support.is_none_or(|here| *score > here));
+        let stay = best.is_none() && support.is_some();
         let accepted = best.filter(|(.., figures)| self.loss.assess(figures).loss_probability < 0.5);
         match accepted {
             Some((_, pose, unobservable, figures)) => {
@@ -356,7 +360,7 @@ where
                 }
             }
             None => {
-                let _ = self.estimator.reset(&self.trusted);
+                let _ = self.estimator.reset(if stay { &here } else { &self.trusted });
                 report.posterior.set(&self.estimator.pose());
                 report.verdict.status = Status::Lost;
                 self.status = Status::Lost;

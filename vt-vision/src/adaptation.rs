@@ -94,14 +94,7 @@ impl Adaptation {
         self.anchor.iter().zip(&self.recent).map(move |(x0, x)| w * x0 + (1.0 - w) * x)
     }
 
-    /// The anchor, which is all that is known from here on; `None` before the start.
-    pub fn revert(&mut self) -> Option<&[f64]> {
-        self.recent.clone_from(&self.anchor);
-        self.last = None;
-        (!self.anchor.is_empty()).then_some(&self.anchor[..])
-    }
-
-    /// Forgets the anchor, too.
+    /// Forgets all that was seen and the anchor.
     pub fn forget(&mut self) {
         self.anchor.clear();
         self.last = None;
@@ -148,20 +141,17 @@ mod tests {
     }
 
     #[test]
-    fn reverting_leaves_the_anchor_and_forgetting_nothing() {
-        let mut a = Adaptation::new(AdaptationParams::default());
-        assert_eq!(a.revert(), None);
-        a.start([1.0, 2.0].into_iter());
-        a.start([7.0, 7.0].into_iter());
-        for t in [0.0, 9.0] {
-            a.seen().extend([4.0, 4.0]);
-            let _ = a.blend(at(t)).count();
+    fn the_first_start_is_the_anchor_until_it_is_forgotten() {
+        let mut a = Adaptation::new(AdaptationParams { anchor: 1.0, ..AdaptationParams::default() });
+        for start in [1.0, 7.0] {
+            a.start([start].into_iter());
+            a.seen().push(4.0);
+            assert!(a.blend(at(start)).eq([1.0]));
         }
-        assert_eq!(a.revert(), Some(&[1.0, 2.0][..]));
-        a.seen().extend([4.0, 4.0]);
-        assert!(a.blend(at(20.0)).eq([1.0, 2.0]));
         a.forget();
-        assert_eq!(a.revert(), None);
+        a.start([7.0].into_iter());
+        a.seen().push(4.0);
+        assert!(a.blend(at(9.0)).eq([7.0]));
     }
 
     #[test]

@@ -219,22 +219,10 @@ where
         let level = |x| Some((interpolate(&self.picture, &posed.locate(x)?)?.0 - mean) / length);
         seen.extend(self.points.iter().map_while(level));
         if seen.len() == self.points.len() {
-            self.take(adaptation.blend(now));
+            // Of a contrast that is far from flat.
+            let scale = CONTRAST * (self.points.len() as f64).sqrt();
+            self.levels.iter_mut().zip(adaptation.blend(now)).for_each(|(level, x)| *level = scale * x);
         }
-    }
-
-    /// Takes the template from before all adaptation; `false` where there is none.
-    fn revert(&mut self, adaptation: &mut Adaptation) -> bool {
-        let Some(anchor) = adaptation.revert() else { return false };
-        self.take(anchor.iter().copied());
-        true
-    }
-
-    /// Takes levels less their mean and of about unit length as the template.
-    fn take(&mut self, levels: impl Iterator<Item = f64>) {
-        // Of a contrast that is far from flat.
-        let scale = CONTRAST * (self.points.len() as f64).sqrt();
-        self.levels.iter_mut().zip(levels).for_each(|(level, x)| *level = scale * x);
     }
 }
 
@@ -395,11 +383,8 @@ where
         Ok(())
     }
 
-    /// The template that was given or learnt where the target was placed stays. One that was never trusted goes.
+    /// What was learnt in trusted steps stays, which its anchor holds. A template that was never trusted goes.
     fn revert(&mut self) {
-        if let Some(adaptation) = &mut self.adaptation {
-            self.likelihood.revert(adaptation);
-        }
         if !self.given && !self.settled {
             self.likelihood.levels.clear();
         }

@@ -106,7 +106,7 @@ fn nothing_adapts_while_doubtful_lost_or_unseen() {
     assert!(notes(&seen).is_empty());
 }
 
-/// What was adapted goes, what is known from the start stays; and after a place was found nothing adapts until it is confirmed.
+/// Before each proposal and after them; and after a place was found nothing adapts until it is confirmed.
 #[test]
 fn a_reinitialisation_reverts_and_a_placement_forgets() {
     let (mut tracker, seen) = tracker(true);

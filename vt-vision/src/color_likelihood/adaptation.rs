@@ -30,11 +30,4 @@ where
             self.reference.iter_mut().zip(adaptation.blend(now)).for_each(|(root, q)| *root = q.sqrt());
         }
     }
-
-    /// Takes the reference from before all adaptation; `false` where there is none.
-    pub(super) fn revert(&mut self, adaptation: &mut Adaptation) -> bool {
-        let Some(anchor) = adaptation.revert() else { return false };
-        self.reference.iter_mut().zip(anchor).for_each(|(root, q)| *root = q.sqrt());
-        true
-    }
 }

@@ -146,11 +146,8 @@ where
         Ok(())
     }
 
-    /// The reference that was given or learnt where the target was placed stays. One that was never trusted goes.
+    /// What was learnt in trusted steps stays, which its anchor holds. A reference that was never trusted goes.
     fn revert(&mut self) {
-        if let Some(adaptation) = &mut self.adaptation {
-            self.likelihood.revert(adaptation);
-        }
         if !self.given && !self.settled {
             self.likelihood.forget();
         }

@@ -68,17 +68,17 @@ const RATIO: f64 = 1.25;
 const FINENESS: u32 = 8;
 
 /// Deviation of a peak from the target's centre, as a part of the box: colours are not spread evenly over a target.
-const PLACE: f64 = 0.15;
+const PLACE: f64 = 0.08;
 
 /// Deviation of the logarithm of the scale of a peak.
-const SIZE: f64 = 0.2;
+const SIZE: f64 = 0.12;
 
 /// Proposes for a lost target where its colours are dense and their surroundings lack them.
 ///
 /// Every pixel is given the probability `p / (p + b)` of being the target's, `p` the share of its colour in the target as it
 /// was trusted and `b` that in the whole picture. The mean over an upright box less that over a frame around it of the same area
 /// is the contrast of a place; the places of greatest contrast, none within another's box, are proposed with a deviation of
-/// 0.15 box sides and, where the space has a scale, 20 %. Sizes from 0.64 to 1.56 of the last trusted one are searched; the
+/// 0.08 box sides and, where the space has a scale, 12 %. Sizes from 0.64 to 1.56 of the last trusted one are searched; the
 /// other coordinates are those trusted last.
 ///
 /// It learns the colours in the first step that is trusted and needs none of the evidence then, but takes that of a colour

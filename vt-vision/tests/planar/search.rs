@@ -29,7 +29,7 @@ where
 }
 
 /// The first proposal is as far from the truth as it says: over many places and sizes, the errors of place and scale have the
-/// deviations that are proposed, or less by up to a factor of four; and no single one is a surprise.
+/// deviations that are proposed, or less (a figure that fills its box is easy); and no single one is a surprise.
 #[test]
 fn the_best_proposal_is_honest() {
     let learnt = prior(TranslationScale::new(100.0, 80.0, 0.8), 1.0);
@@ -45,7 +45,7 @@ fn the_best_proposal_is_honest() {
     }
     let mean = sum / f64::from(cases);
     println!("mean NEES {mean:.2} of 3, worst {worst:.1}");
-    assert!((3.0 / 16.0..4.2).contains(&mean), "{mean}");
+    assert!((0.5..4.2).contains(&mean), "{mean}");
     assert!(worst < 16.3, "{worst}"); // χ²(3) at 0.999
 }
 
