@@ -86,33 +86,6 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// Number of frames.
-    pub fn frames(&self) -> usize {
-        self.frames.len()
-    }
-
-    /// The sequence forth and back `rounds` times, as if the camera's film ran so.
-    #[must_use]
-    pub fn to_and_fro(&self, rounds: usize) -> Self {
-        let n = self.frames.len();
-        let order: Vec<usize> = (0..2 * rounds * n.saturating_sub(1) + 1)
-            .map(|k| k % (2 * n - 2).max(1))
-            .map(|k| if k < n { k } else { 2 * n - 2 - k })
-            .collect();
-        let step = if n > 1 { self.frames[1].time.0 - self.frames[0].time.0 } else { 0 };
-        let frame = |(k, &i): (usize, &usize)| {
-            let mut frame = self.frames[i].clone();
-            (frame.number, frame.time.0) = (k as u64, self.frames[0].time.0 + k as i64 * step);
-            frame
-        };
-        Self {
-            name: self.name.clone(),
-            pictures: self.pictures.clone(),
-            frames: order.iter().enumerate().map(frame).collect(),
-            truth: order.iter().map(|&i| self.truth.get(i).copied().flatten()).collect(),
-        }
-    }
-
     /// The task with the first true box and settings.
     fn document(&self, set: &[String]) -> Result<Document> {
         let b = self.truth.first().copied().flatten().context("the first frame has no box")?;
