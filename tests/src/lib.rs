@@ -6,6 +6,7 @@ pub mod estimators;
 pub mod logistic;
 pub mod monte_carlo;
 pub mod replay;
+pub mod sot;
 
 /// The example of the project's README runs as a test.
 #[cfg(doctest)]

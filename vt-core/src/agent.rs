@@ -233,6 +233,19 @@ where
         &[]
     }
 
+    /// Learns what the target looks like at `posterior`, in steps whose estimate is trusted, as
+    /// [`Modality::adapt`](crate::measurement::Modality::adapt); evidence that others asked for may be there.
+    ///
+    /// # Errors
+    /// When the frame does not fit.
+    fn adapt(&mut self, evidence: &Evidence, posterior: &Gaussian<P>) -> Result<(), MeasureError> {
+        let _ = (evidence, posterior);
+        Ok(())
+    }
+
+    /// Forgets what it learnt: the target is placed anew.
+    fn forget(&mut self) {}
+
     /// Appends priors to try, best first. `last` is the last belief that was trusted.
     ///
     /// # Errors

@@ -248,6 +248,22 @@ where
     /// what was learnt since it was last placed may come from somewhere else. Nothing to do for who learns nothing.
     fn forget(&mut self) {}
 
+    /// Adapts the appearance to what this frame shows at `posterior` (the paper's model processor, §7). Called after the
+    /// correction, and only in steps whose estimate is trusted. Nothing to do for who adapts nothing.
+    ///
+    /// # Errors
+    /// When the evidence does not fit; what was known is then unchanged.
+    fn adapt(&mut self, evidence: &Evidence, posterior: &Gaussian<P>) -> Result<(), MeasureError> {
+        let _ = (evidence, posterior);
+        Ok(())
+    }
+
+    /// Forgets what was learnt while the target may have been somewhere else: it is lost, and other places are tried. What was
+    /// learnt in steps that were trusted may stay; who does not tell them apart forgets all.
+    fn revert(&mut self) {
+        self.forget();
+    }
+
     /// Draws what was looked for and found, with the model at `pose`.
     fn sketch(&self, pose: &P, out: &mut Vec<Mark>) {
         let _ = (pose, out);

@@ -143,7 +143,7 @@ pub struct Assessment {
 pub struct Timings {
     /// Prediction.
     pub predict: u64,
-    /// Measurement.
+    /// Measurement, and adaptation of what is known of the target's looks.
     pub measure: u64,
     /// Correction.
     pub correct: u64,

@@ -284,6 +284,29 @@ where
 
     fn forget(&mut self) {
         self.modalities.iter_mut().for_each(|m| m.forget());
+        if let Some(reinitializer) = &mut self.reinitializer {
+            reinitializer.forget();
+        }
+    }
+
+    fn revert(&mut self) {
+        self.modalities.iter_mut().for_each(|m| m.revert());
+    }
+
+    /// Lets those that saw the target in this step, and the re-initialiser, adapt to what it looks like.
+    fn adapt(&mut self, evidence: &Evidence, report: &mut StepReport) {
+        let start = Instant::now();
+        let pose = self.estimator.pose();
+        let seeing = self.modalities.iter_mut().zip(&self.seen).filter(|(_, seen)| **seen);
+        let mut outcomes = seeing.map(|(m, _)| m.adapt(evidence, &pose)).fold(Ok(()), Result::and);
+        if let Some(reinitializer) = &mut self.reinitializer {
+            outcomes = outcomes.and(reinitializer.adapt(evidence, &pose));
+        }
+        match outcomes {
+            Ok(()) | Err(MeasureError::MissingFrame { .. }) => {}
+            Err(e) => note(report, e),
+        }
+        report.timings.measure += nanoseconds(start);
     }
 
     /// True when the target may be re-initialised in the step to come.
@@ -292,11 +315,13 @@ where
     }
 
     /// Tries every proposed prior on this frame and keeps the one that the data support best, if it is not itself
-    /// judged a loss. It stays doubtful until the steps that follow confirm it, and what was trusted before is kept
-    /// until then.
+    /// judged a loss and they support it better than where the target was thought to be. It stays doubtful until the steps that
+    /// follow confirm it, and what was trusted before is kept until then. With no such prior the target goes on from where
+    /// it was thought to be if no proposal is better supported, and else from where it was trusted.
     fn reinitialize(&mut self, evidence: &Evidence, report: &mut StepReport) {
         let Some(reinitializer) = &mut self.reinitializer else { return };
         let start = Instant::now();
+        let (here, support) = (self.estimator.pose(), report.assessment.quality.map(|q| q.log_ratio));
         let mut proposals = core::mem::take(&mut self.proposals);
         proposals.clear();
         match reinitializer.propose(evidence, &self.trusted, &mut proposals) {
@@ -309,7 +334,7 @@ where
                 continue;
             }
             // What was learnt while the target slipped away, or at the proposal before, speaks for wrong places.
-            self.forget();
+            self.revert();
             let figures = self.measure_and_correct(evidence, report);
             let Some(quality) = figures.quality else { continue };
             if best.as_ref().is_none_or(|(score, ..)| quality.log_ratio > *score) {
@@ -318,8 +343,10 @@ where
             }
         }
         self.proposals = proposals;
-        self.forget();
+        self.revert();
         self.loss.reset();
+        let best = best.filter(|(score, ..)| support.is_none_or(|here| *score > here));
+        let stay = best.is_none() && support.is_some();
         let accepted = best.filter(|(.., figures)| self.loss.assess(figures).loss_probability < 0.5);
         match accepted {
             Some((_, pose, unobservable, figures)) => {
@@ -333,7 +360,7 @@ where
                 }
             }
             None => {
-                let _ = self.estimator.reset(&self.trusted);
+                let _ = self.estimator.reset(if stay { &here } else { &self.trusted });
                 report.posterior.set(&self.estimator.pose());
                 report.verdict.status = Status::Lost;
                 self.status = Status::Lost;
@@ -391,6 +418,8 @@ where
         self.conclude(figures, report);
         if searching && self.status == Status::Lost {
             self.reinitialize(evidence, report);
+        } else if self.status == Status::Tracking && report.verdict.loss_probability < 0.5 {
+            self.adapt(evidence, report);
         }
     }
 

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod adaptation;
 pub mod blobs;
 pub mod canny;
 pub mod color;

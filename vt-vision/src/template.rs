@@ -7,9 +7,10 @@
 //!
 //! with `t̂`, `î` the grey levels of template and picture less their means, of unit length: changes of brightness and
 //! contrast do not count. The residual `t̂ − î` makes the same likelihood fit for Gauss–Newton, with the exact derivative of
-//! the bilinear interpolation. `lambda` is the inverse temperature.
+//! the bilinear interpolation. `lambda` is the inverse temperature. `adapt` lets the template follow what is seen, see
+//! [`crate::adaptation`].
 //!
-//! A derivative tells the way to the template only as far as its structures are wide. So template and picture are both
+//! A derivative tells the way to the template only as far as its structures are wide. With `smoothing`, template and picture are both
 //! smoothed as far as the prediction is uncertain: the likelihood is that of the smoothed pictures, and its linear form
 //! holds over the prior (coarse to fine; B. Lucas, T. Kanade, "An iterative image registration technique", 1981).
 
@@ -26,8 +27,10 @@ use vt_core::lie::PlanarMotion;
 use vt_core::manifold::{Alloc, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, Modality, NormalEquations, Quality};
 use vt_core::sketch::Mark;
+use vt_core::time::Timestamp;
 use vt_models::warp::PlanarWarp;
 
+use crate::adaptation::{Adaptation, AdaptationParams};
 use crate::color::grey_of;
 use crate::gaussian::{Blur, Gaussian};
 use crate::rectangle::Rectangle;
@@ -45,11 +48,13 @@ pub struct TemplateParams {
     pub least_inside: f64,
     /// Width of the smoothing, as a deviation, in predicted deviations of the patch's corners; 0 for pictures as they are.
     pub smoothing: f64,
+    /// How the template follows what is seen; `None` for not at all.
+    pub adapt: Option<AdaptationParams>,
 }
 
 impl Default for TemplateParams {
     fn default() -> Self {
-        Self { lambda: 20.0, samples: 400, least_inside: 0.5, smoothing: 0.0 }
+        Self { lambda: 20.0, samples: 400, least_inside: 0.5, smoothing: 0.0, adapt: None }
     }
 }
 
@@ -71,12 +76,23 @@ impl TemplateParams {
         if !(self.smoothing >= 0.0 && self.smoothing.is_finite()) {
             return Err(ConfigError::parameter("smoothing", self.smoothing, "zero or a positive number"));
         }
+        if self.adapt.is_some() && self.smoothing > 0.0 {
+            return Err(ConfigError::parameter(
+                "smoothing",
+                self.smoothing,
+                "zero where the template adapts",
+            ));
+        }
+        self.adapt.map(AdaptationParams::check).transpose()?;
         Ok(self)
     }
 }
 
 /// Variance of grey levels below which a patch is flat and correlates with nothing.
 const FLAT: f64 = 0.25;
+
+/// Deviation of the grey levels of a template that was adapted.
+const CONTRAST: f64 = 64.0;
 
 /// A correlation above this supports the template.
 const SIMILAR: f64 = 0.6;
@@ -233,6 +249,28 @@ where
         }
         !self.templates.is_empty()
     }
+
+    /// Blends the grey levels at `pose`, less their mean and of unit length, into the template of the same kind; not where the
+    /// patch is flat or not all of it is in the picture.
+    fn adapt(&mut self, adaptation: &mut Adaptation, pose: &P, now: Timestamp) {
+        let posed = self.warp.at(pose);
+        let Some(([mean, own], [length, of_template], _)) =
+            self.sums(&posed).and_then(|sums| sums.correlation())
+        else {
+            return;
+        };
+        // Smoothed templates do not adapt.
+        let Some(levels) = self.templates.first_mut() else { return };
+        adaptation.start(levels.iter().map(|level| (level - own) / of_template));
+        let seen = adaptation.seen();
+        let level = |x| Some((interpolate(&self.picture, &posed.locate(x)?)?.0 - mean) / length);
+        seen.extend(self.points.iter().map_while(level));
+        if seen.len() == self.points.len() {
+            // Of a contrast that is far from flat.
+            let scale = CONTRAST * (self.points.len() as f64).sqrt();
+            levels.iter_mut().zip(adaptation.blend(now)).for_each(|(level, x)| *level = scale * x);
+        }
+    }
 }
 
 impl<P: PlanarMotion> Measurement<P> for TemplateLikelihood<P>
@@ -289,7 +327,10 @@ pub struct TemplateModality<P> {
     pictures: Turns<GrayImage>,
     /// The pictures, smoothed around the target.
     smoothed: Turns<GrayImage>,
+    adaptation: Option<Adaptation>,
     given: bool,
+    /// The target was seen and trusted with this template.
+    settled: bool,
     seen: bool,
 }
 
@@ -321,7 +362,9 @@ where
             blur,
             pictures,
             smoothed,
+            adaptation: params.adapt.map(Adaptation::new),
             given: false,
+            settled: false,
             seen: false,
         })
     }
@@ -421,7 +464,27 @@ where
 
     /// A template that was given stays.
     fn forget(&mut self) {
+        self.revert();
         if !self.given {
+            self.likelihood.templates.clear();
+            self.adaptation.iter_mut().for_each(Adaptation::forget);
+            self.settled = false;
+        }
+    }
+
+    fn adapt(&mut self, evidence: &Evidence, posterior: &belief::Gaussian<P>) -> Result<(), MeasureError> {
+        check_prior(posterior)?;
+        let now = evidence.frame(self.sensor)?.time;
+        self.settled = true;
+        if let Some(adaptation) = &mut self.adaptation {
+            self.likelihood.adapt(adaptation, &posterior.mean, now);
+        }
+        Ok(())
+    }
+
+    /// What was learnt in trusted steps stays, which its anchor holds. A template that was never trusted goes.
+    fn revert(&mut self) {
+        if !self.given && !self.settled {
             self.likelihood.templates.clear();
         }
     }

@@ -1,5 +1,6 @@
 //! Fusion of measurements and the tracking loop, on sensors that deliver numbers.
 
+mod adaptation;
 mod fused;
 mod groups;
 mod loops;

@@ -21,6 +21,14 @@ pub(super) struct Pixel {
     pub place: [f64; 2],
 }
 
+impl Pixel {
+    /// Epanechnikov's kernel.
+    pub fn weight(&self) -> f64 {
+        let [u, v] = self.place;
+        (1.0 - u * u - v * v).max(0.0)
+    }
+}
+
 /// A run of places of the lattice along a row.
 pub(super) struct Row {
     /// Number of the first place along the row.

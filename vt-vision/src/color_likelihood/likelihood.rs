@@ -33,11 +33,11 @@ pub struct ColorLikelihood<P> {
     pub(super) warp: PlanarWarp<P>,
     pub(super) bins: Arc<ColorBins>,
     params: ColorParams,
-    parts: Vec<KernelPart>,
+    pub(super) parts: Vec<KernelPart>,
     lattice: Lattice,
-    classes: usize,
+    pub(super) classes: usize,
     /// `√q*` of one part after the other; empty without a reference.
-    reference: Vec<f64>,
+    pub(super) reference: Vec<f64>,
     /// Weight of each class.
     weights: Vec<f64>,
     /// `D²` of the surroundings of the reference.
@@ -172,7 +172,7 @@ where
 
     /// Calls `f` with the normalised histogram of a part, classes weighted and with the floor, and with the weight of all
     /// pixels: zeros where there are none.
-    fn with_histogram<R>(
+    pub(super) fn with_histogram<R>(
         &self,
         part: &KernelPart,
         image_from_object: &Matrix3<f64>,

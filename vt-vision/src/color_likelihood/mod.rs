@@ -17,14 +17,19 @@
 //! down colours which a ring around the object shares with it (D. Comaniciu, V. Ramesh, P. Meer, "Kernel-based object
 //! tracking", 2003), in reference and hypothesis alike: it also counters the liking of plain histograms for small regions.
 //!
+//! `adapt` lets the reference follow what is seen, see [`crate::adaptation`]; weights of the surroundings stay those of the start.
+//!
 //! Pixels outside of the picture are a class of their own that the reference does not have.
 
+mod adaptation;
 mod kernel;
 mod likelihood;
 mod modality;
 mod params;
+mod search;
 
 pub use kernel::KernelPart;
 pub use likelihood::ColorLikelihood;
 pub use modality::ColorModality;
 pub use params::ColorParams;
+pub use search::{ColorSearch, ColorSearchParams};

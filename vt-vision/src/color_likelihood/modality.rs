@@ -16,6 +16,7 @@ use vt_models::warp::PlanarWarp;
 
 use super::likelihood::ColorLikelihood;
 use super::params::ColorParams;
+use crate::adaptation::Adaptation;
 use crate::histogram::{Binning, ColorBins, ColorBinsProcessing};
 use crate::rectangle::Rectangle;
 use crate::search_region::{check_prior, search_region};
@@ -29,7 +30,10 @@ pub struct ColorModality<P> {
     needs: [EvidenceKey; 1],
     rectangle: Rectangle,
     likelihood: ColorLikelihood<P>,
+    adaptation: Option<Adaptation>,
     given: bool,
+    /// The target was seen and trusted with this reference.
+    settled: bool,
     seen: bool,
 }
 
@@ -51,7 +55,17 @@ where
         let rectangle = Rectangle::new(size)?;
         let needs = [ColorBinsProcessing::key_for(sensor, &binning)];
         let likelihood = ColorLikelihood::new(&params, binning.count(), warp, size);
-        Ok(Self { binning, needs, rectangle, likelihood, given: false, seen: false })
+        let adaptation = params.adapt.map(Adaptation::new);
+        Ok(Self {
+            binning,
+            needs,
+            rectangle,
+            likelihood,
+            adaptation,
+            given: false,
+            settled: false,
+            seen: false,
+        })
     }
 
     /// Takes the reference from a picture that shows the object at `pose`.
@@ -114,7 +128,27 @@ where
 
     /// A reference that was given stays.
     fn forget(&mut self) {
+        self.revert();
         if !self.given {
+            self.likelihood.forget();
+            self.adaptation.iter_mut().for_each(Adaptation::forget);
+            self.settled = false;
+        }
+    }
+
+    fn adapt(&mut self, evidence: &Evidence, posterior: &Gaussian<P>) -> Result<(), MeasureError> {
+        check_prior(posterior)?;
+        let now = evidence.frame(self.needs[0].sensor)?.time;
+        self.settled = true;
+        if let Some(adaptation) = &mut self.adaptation {
+            self.likelihood.adapt(adaptation, &posterior.mean, now);
+        }
+        Ok(())
+    }
+
+    /// What was learnt in trusted steps stays, which its anchor holds. A reference that was never trusted goes.
+    fn revert(&mut self) {
+        if !self.given && !self.settled {
             self.likelihood.forget();
         }
     }

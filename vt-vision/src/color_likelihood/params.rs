@@ -2,6 +2,7 @@
 
 use vt_core::error::ConfigError;
 
+use crate::adaptation::AdaptationParams;
 use crate::histogram::BinningParams;
 
 /// Parameters of a [`ColorModality`](super::ColorModality).
@@ -22,6 +23,8 @@ pub struct ColorParams {
     /// Share of the whole that every bin has without a pixel, so that the square root has a derivative everywhere; 0 is
     /// Pérez' distance to the letter.
     pub floor: f64,
+    /// How the reference follows what is seen; `None` for not at all.
+    pub adapt: Option<AdaptationParams>,
 }
 
 impl Default for ColorParams {
@@ -34,6 +37,7 @@ impl Default for ColorParams {
             background: None,
             samples: 400,
             floor: 1e-4,
+            adapt: None,
         }
     }
 }
@@ -62,6 +66,7 @@ impl ColorParams {
         if !(0.0..=0.01).contains(&self.floor) {
             return Err(ConfigError::parameter("floor", self.floor, "0 to 0.01"));
         }
+        self.adapt.map(AdaptationParams::check).transpose()?;
         Ok(self)
     }
 }

@@ -1,6 +1,8 @@
 //! Flat targets in simulated pictures: both forms of every measurement agree, and each leads a nearby start to the truth.
 
+mod adaptation;
 mod convergence;
 mod duality;
 mod mass;
 mod scene;
+mod search;

@@ -64,8 +64,13 @@ where
 
 /// A step with one colour picture.
 pub fn show(evidence: &mut Evidence, image: RgbImage) {
+    show_at(evidence, image, Timestamp(0));
+}
+
+/// A step with one colour picture at a time.
+pub fn show_at(evidence: &mut Evidence, image: RgbImage, time: Timestamp) {
     let payload = Payload::Rgb(Arc::new(image));
-    evidence.begin([Frame { sensor: SENSOR, number: 0, time: Timestamp(0), payload }]);
+    evidence.begin([Frame { sensor: SENSOR, number: 0, time, payload }]);
 }
 
 /// Evidence of the picture at a pose, as a modality needs it.

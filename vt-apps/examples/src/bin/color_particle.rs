@@ -6,7 +6,8 @@
 //! Tracker: particle filter with deterministic resampling.
 //!
 //! Without options a simulated scene is tracked. Own pictures take `--images` and `--init`; there two parts know their colours, those of
-//! the surroundings count less, and a template of grey levels is a second measurement.
+//! the surroundings count less, a template of grey levels is a second measurement, both adapt to what is seen while the estimate is trusted,
+//! and a lost object is looked for by its colours.
 
 use std::process::ExitCode;
 

@@ -59,7 +59,7 @@ impl Centre {
     where
         DefaultAllocator: Alloc<P::D>,
     {
-        MassCentreModality::new(self.params()?, source, PlanarWarp::default(), size(context)?)
+        MassCentreModality::new(self.params()?, source, PlanarWarp::default(), size(context.shape)?)
     }
 }
 

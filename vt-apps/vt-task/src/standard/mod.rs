@@ -348,4 +348,9 @@ where
             .levels(&[Object])
             .picture(Picture::Colour),
         )
+        .with(Method::<Reinits<P>>::new(
+            "back-projection",
+            "the last trusted pose, then where the target's colours are",
+            looks::back_projection::<P>,
+        ))
 }

@@ -1,0 +1,84 @@
+//! A scene forth and back again and again: what adapts is where it was, and without an anchor it is not.
+
+use std::path::Path;
+
+use vt_core::lie::picture_from_plane;
+use vt_task::assembly::Scene;
+use vt_task::{Document, Registry, check};
+
+const FRAMES: usize = 30;
+const ROUNDS: usize = 8;
+
+fn task(anchor: f64) -> String {
+    let adapt = format!(r#"adapt = {{ time = "0.1 s", anchor = {anchor:?} }}"#);
+    format!(
+        r#"
+version = 1
+seed = 5
+[[sensors]]
+name = "camera"
+kind = "simulated-planar"
+picture = "colour"
+[sensors.params]
+model = "object"
+size = [240, 180]
+frames = {FRAMES}
+rate = "25 Hz"
+translation = "1.5 px"
+scale = 0.003
+colours = 4
+[[models]]
+name = "object"
+shape = {{ kind = "rectangle", params = {{ size = ["50 px", "36 px"] }} }}
+warp = {{ kind = "translation-scale" }}
+dynamics = {{ kind = "brownian", params = {{ translation = "20 px/s^0.5", scale = "3 %/s^0.5" }} }}
+[[targets]]
+name = "object"
+model = "object"
+modalities = [
+    {{ kind = "color", level = "pixel", sensor = "camera", params = {{ rows = 2, {adapt} }} }},
+    {{ kind = "template", level = "pixel", sensor = "camera", params = {{ {adapt} }} }},
+]
+estimator = {{ kind = "particle", params = {{ particles = 100 }} }}
+[targets.init]
+kind = "pose"
+params = {{ picture_from_object = {{ translation = ["119.5 px", "89.5 px"] }}, sigma = {{ translation = "1 px", scale = "1 %" }} }}
+"#
+    )
+}
+
+/// Distance in pixels of the place in the first frame, when it was seen for the first time, from that after all rounds.
+fn drift(anchor: f64) -> f64 {
+    let registry = Registry::standard();
+    let document = Document::parse("drift", &task(anchor), Path::new(""), &[], &|_| None).expect("a text");
+    let task = check(&document, &registry).expect("a task");
+    let mut scene = Scene::build(&document, &task, &registry).expect("a scene");
+    let mut frames = vec![];
+    while let Some(frame) = scene.sensors[0].next().expect("a frame") {
+        frames.push(frame);
+    }
+    let mut tracker = scene.tracking(&document, &task, &registry, &frames[..1]).expect("a tracker");
+    let step = frames[1].time.0 - frames[0].time.0;
+    let period = 2 * FRAMES - 2;
+    let mut places = vec![];
+    for k in 0..=ROUNDS * period {
+        let mut frame = frames[(k % period).min(period - k % period)].clone();
+        (frame.number, frame.time.0) = (k as u64, frames[0].time.0 + k as i64 * step);
+        let report = &tracker.step([frame]).expect("a step")[0];
+        assert_eq!(report.failure, None);
+        if k % period == 0 {
+            let m = picture_from_plane(&report.posterior).expect("a pose");
+            places.push(nalgebra::Vector2::new(m.m13, m.m23));
+        }
+    }
+    assert_eq!(places.len(), ROUNDS + 1);
+    (places[ROUNDS] - places[0]).norm()
+}
+
+#[test]
+fn an_anchor_keeps_adaptation_from_drifting() {
+    let [held, loose] = [0.5, 0.0].map(drift);
+    println!("after {ROUNDS} rounds: {held:.2} px with the anchor, {loose:.2} px without");
+    assert!(held < 1.0, "{held} px");
+    assert!(loose > 3.0 * held && loose > 2.0, "{loose} px without, {held} px with the anchor");
+}
