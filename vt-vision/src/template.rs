@@ -276,6 +276,8 @@ pub struct TemplateModality<P> {
     likelihood: TemplateLikelihood<P>,
     /// Grey pictures of colour frames.
     pictures: Turns<GrayImage>,
+    /// No picture.
+    nothing: Arc<GrayImage>,
     adaptation: Option<Adaptation>,
     given: bool,
     /// The target was seen and trusted with this template.
@@ -305,6 +307,7 @@ where
             rectangle,
             likelihood,
             pictures: Turns::default(),
+            nothing: Arc::default(),
             adaptation: params.adapt.map(Adaptation::new),
             given: false,
             settled: false,
@@ -351,7 +354,7 @@ where
             self.likelihood.picture = picture.clone();
         } else {
             // The measurement may still hold the picture of the frame before.
-            self.likelihood.picture = Arc::default();
+            self.likelihood.picture = self.nothing.clone();
             grey_of(frame, self.pictures.turn())?;
             self.likelihood.picture = self.pictures.now().clone();
         }
