@@ -327,6 +327,8 @@ pub struct TemplateModality<P> {
     pictures: Turns<GrayImage>,
     /// The pictures, smoothed around the target.
     smoothed: Turns<GrayImage>,
+    /// No picture.
+    nothing: Arc<GrayImage>,
     adaptation: Option<Adaptation>,
     given: bool,
     /// The target was seen and trusted with this template.
@@ -362,6 +364,7 @@ where
             blur,
             pictures,
             smoothed,
+            nothing: Arc::default(),
             adaptation: params.adapt.map(Adaptation::new),
             given: false,
             settled: false,
@@ -449,7 +452,7 @@ where
             self.likelihood.picture = picture.clone();
         } else {
             // The measurement may still hold the picture of the frame before.
-            self.likelihood.picture = Arc::default();
+            self.likelihood.picture = self.nothing.clone();
             grey_of(frame, self.pictures.turn())?;
             self.likelihood.picture = self.pictures.now().clone();
         }

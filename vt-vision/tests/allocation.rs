@@ -2,17 +2,25 @@
 //! counter sees all threads.
 
 use std::alloc::System;
+use std::sync::Arc;
 
-use image::GrayImage;
+use image::{GrayImage, Rgb, RgbImage};
+use nalgebra::Vector3;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use vt_core::belief::Gaussian;
 use vt_core::evidence::{Evidence, Processing};
-use vt_core::lie::SE3;
+use vt_core::frame::{Frame, Payload};
+use vt_core::lie::{SE3, TranslationScale};
 use vt_core::manifold::Manifold;
 use vt_core::measurement::{Level, Modality};
+use vt_core::time::Timestamp;
 use vt_models::camera::Camera;
-use vt_models::warp::Se3Warp;
+use vt_models::warp::{PlanarWarp, Se3Warp};
+use vt_vision::adaptation::AdaptationParams;
+use vt_vision::color_likelihood::{ColorModality, ColorParams};
 use vt_vision::edge::{EdgeParams, EdgePixelModality};
 use vt_vision::pyramid::PyramidProcessing;
+use vt_vision::template::{TemplateModality, TemplateParams};
 
 #[path = "edges/scene.rs"]
 mod scene;
@@ -70,4 +78,37 @@ fn measuring_allocates_nothing_after_ten_frames() {
         assert!(counts[0] > 0, "the counter does not count");
         assert!(counts[10..].iter().all(|&n| n == 0), "{level:?}, {coarse_levels} coarse: {counts:?}");
     }
+    flat_targets_adapt_in_place();
+}
+
+/// Colours and template of a flat target, measured and adapted.
+fn flat_targets_adapt_in_place() {
+    let adapt = Some(AdaptationParams::default());
+    let (size, warp) = ([40.0, 30.0], PlanarWarp::<TranslationScale>::default);
+    let color = ColorParams { adapt, ..ColorParams::default() };
+    let template = TemplateParams { adapt, ..TemplateParams::default() };
+    let color = ColorModality::new(color, SENSOR, warp(), size).unwrap();
+    let mut evidence = Evidence::default();
+    let key = color.needs()[0].clone();
+    evidence.add(Box::new(color.processing()));
+    let template = TemplateModality::new(template, SENSOR, warp(), size).unwrap();
+    let mut modalities: [Box<dyn Modality<TranslationScale>>; 2] = [Box::new(color), Box::new(template)];
+    let sigma = Vector3::new(1.0, 1.0, 0.01);
+    let mut counts = vec![];
+    for k in 0..20_u32 {
+        let shade = |x: u32, y: u32| Rgb([(5 * x) as u8, (7 * y + k) as u8, (x * y + 3 * k) as u8]);
+        let payload = Payload::Rgb(Arc::new(RgbImage::from_fn(120, 90, shade)));
+        let time = Timestamp(i64::from(k) * 40_000_000);
+        evidence.begin([Frame { sensor: SENSOR, number: k.into(), time, payload }]);
+        evidence.prepare(&key, None).unwrap();
+        let pose = Gaussian::from_sigmas(TranslationScale::new(60.0, 45.0, 1.0), &sigma);
+        let region = Region::new(HEAP);
+        for modality in &mut modalities {
+            assert!(modality.measure(&evidence, &pose).unwrap().is_some());
+            modality.adapt(&evidence, &pose).unwrap();
+        }
+        let change = region.change();
+        counts.push(change.allocations + change.reallocations);
+    }
+    assert!(counts[0] > 0 && counts[5..].iter().all(|&n| n == 0), "{counts:?}");
 }
