@@ -203,7 +203,10 @@ fn main() -> Result<()> {
         table("fitted, on the bodies of the fit", weights, &examples);
     }
     let judged = runs(JUDGED, a.judge_from, &a)?;
-    let curves = table("on other bodies and scenes", weights, &judged);
+    let mut curves = table("in use, on other bodies and scenes", LossWeights::default(), &judged);
+    if weights != LossWeights::default() {
+        curves = table("fitted, on other bodies and scenes", weights, &judged);
+    }
     if let Some(plot) = a.plot {
         let (first, second) = curves.split_at(3);
         let panel = |curves: &[Curve]| Panel {
