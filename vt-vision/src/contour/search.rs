@@ -23,6 +23,7 @@ use vt_models::warp::PlanarWarp;
 use super::chamfer::{ChamferModality, ChamferParams};
 use crate::canny::CannyParams;
 use crate::distance_transform::{EdgeDistance, EdgeDistanceProcessing};
+use crate::search_region::check_prior;
 
 /// Parameters of a [`ChamferSearch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +76,9 @@ const STEP: f64 = 0.1;
 
 /// Cost of a contour point without an edge.
 const NO_EDGE: u8 = 255;
+
+/// Share of the worst cost above which a place is none: no more of the outline has edges than chance gives.
+const WORST: f64 = 0.7;
 
 /// Places kept for each angle and scale, and overall for the fit.
 const KEPT: usize = 4;
@@ -315,6 +319,7 @@ impl CostTable {
         if starts.is_empty() {
             return hits;
         }
+        let most = (WORST * f64::from(NO_EDGE) * starts.len() as f64) as u16;
         let mut sums = vec![0u16; self.width];
         for v in 0..self.height {
             sums.fill(0);
@@ -325,8 +330,7 @@ impl CostTable {
                 }
             }
             for (u, &cost) in sums.iter().enumerate() {
-                let worst =
-                    if hits.len() < KEPT { u16::MAX } else { hits.last().map_or(u16::MAX, |h| h.cost) };
+                let worst = if hits.len() < KEPT { most } else { hits.last().map_or(most, |h| h.cost) };
                 if cost >= worst {
                     continue;
                 }
@@ -359,6 +363,7 @@ where
         last: &Gaussian<P>,
         out: &mut Vec<Gaussian<P>>,
     ) -> Result<(), MeasureError> {
+        check_prior(last)?;
         if let Some(factor) = self.last_trusted {
             out.push(Gaussian { mean: last.mean.clone(), covariance: &last.covariance * (factor * factor) });
         }

@@ -4,5 +4,6 @@ mod adaptation;
 mod convergence;
 mod duality;
 mod mass;
+mod outline_search;
 mod scene;
 mod search;
