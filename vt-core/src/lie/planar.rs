@@ -30,11 +30,19 @@ where
     /// The motion that leaves out of a similarity what this group does not have.
     fn of(similarity: &Sim2) -> Self;
 
+    /// Image of the origin, and how points about it move: `y ≈ c + L x`.
+    fn about_origin(&self) -> (Point2<f64>, Matrix2<f64>) {
+        let m = self.matrix();
+        let c = Point2::new(m.m13, m.m23) / m.m33;
+        let [a, b] = [m.m31, m.m32];
+        (c, Matrix2::new(m.m11 - c.x * a, m.m12 - c.x * b, m.m21 - c.y * a, m.m22 - c.y * b) / m.m33)
+    }
+
     /// The similarity that is nearest to the motion at the origin.
     fn similarity(&self) -> Sim2 {
-        let m = self.matrix();
-        let scale = (m.m11 * m.m22 - m.m12 * m.m21).abs().sqrt();
-        Sim2::new(m.m13, m.m23, math::atan2(m.m21 - m.m12, m.m11 + m.m22), scale)
+        let (c, l) = self.about_origin();
+        let angle = math::atan2(l.m21 - l.m12, l.m11 + l.m22);
+        Sim2::new(c.x, c.y, angle, l.determinant().abs().sqrt())
     }
 }
 
@@ -144,6 +152,16 @@ mod record_tests {
         let x = Point2::new(1.0, -2.0);
         for y in [Sim2::of(&s).act(&x), Affine2::of(&s).act(&x), SL3::of(&s).act(&x)] {
             assert!((y - s.act(&x)).norm() < 1e-12);
+        }
+        // By differences, of a homography with a tilt.
+        let tilted = SL3::of(&s)
+            .compose(&SL3::exp(&nalgebra::SVector::from([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.03])));
+        let (c, l) = tilted.about_origin();
+        assert!((c - tilted.act(&Point2::origin())).norm() < 1e-12);
+        for (k, e) in [nalgebra::Vector2::x(), nalgebra::Vector2::y()].into_iter().enumerate() {
+            let step = 1e-6 * e;
+            let difference = tilted.act(&(Point2::origin() + step)) - tilted.act(&(Point2::origin() - step));
+            assert!((difference / 2e-6 - l.column(k)).norm() < 1e-8);
         }
         assert!((SL3::of(&s).similarity().matrix() - s.matrix()).norm() < 1e-12);
         assert_eq!(TranslationScale::of(&s), TranslationScale::new(3.0, 4.0, 2.0));

@@ -245,8 +245,9 @@ where
             Some(k) => last.mean.retract(&unit(k, vt_core::math::ln(peak.size))),
             None => last.mean.clone(),
         };
-        let object_from_image = linear(&sized).try_inverse()?;
-        let shift = object_from_image * (peak.centre() - centre(&sized));
+        let (centre, linear) = sized.about_origin();
+        let object_from_image = linear.try_inverse()?;
+        let shift = object_from_image * (peak.centre() - centre);
         let mean = sized.retract(&(unit(0, shift.x) + unit(1, shift.y)));
         let mut covariance = Square::<P>::zeros_generic(n, n);
         for k in 2..n.value() {
@@ -269,24 +270,6 @@ fn rectangle([x, y]: [i64; 2], [width, height]: [i64; 2]) -> Roi {
     let cut = |start: i64, length: i64| (start.max(0) as u32, (length + start.min(0)).max(0) as u32);
     let ((x, width), (y, height)) = (cut(x, width), cut(y, height));
     Roi { x, y, width, height }
-}
-
-/// Where the origin of the object lies in the picture.
-fn centre<P: PlanarMotion>(pose: &P) -> Point2<f64>
-where
-    DefaultAllocator: Alloc<P::D>,
-{
-    let m = pose.matrix();
-    Point2::new(m.m13 / m.m33, m.m23 / m.m33)
-}
-
-/// How the picture moves with the object's points about the origin.
-fn linear<P: PlanarMotion>(pose: &P) -> Matrix2<f64>
-where
-    DefaultAllocator: Alloc<P::D>,
-{
-    let (m, c) = (pose.matrix(), centre(pose));
-    Matrix2::new(m.m11 - c.x * m.m31, m.m12 - c.x * m.m32, m.m21 - c.y * m.m31, m.m22 - c.y * m.m32) / m.m33
 }
 
 /// The coordinate that magnifies, where the space has one.
@@ -375,7 +358,7 @@ where
         back_project(&bins.bins, &self.table, &mut self.back);
         self.integral.compute(&self.back);
         // Upright box around the object at the last trusted pose.
-        let a = linear(&last.mean);
+        let a = last.mean.about_origin().1;
         let corners = self.rectangle.corners().map(|corner| a * corner.coords);
         let sides = [0, 1].map(|k| 2.0 * corners.iter().fold(0.0, |most: f64, c| most.max(c[k].abs())));
         let scaled = scale_coordinate::<P>().is_some_and(|k| last.covariance[(k, k)] > 0.0);
