@@ -53,15 +53,9 @@ impl Row {
         [u / w, v / w]
     }
 
+    /// Weights from one of the run on, in units of [`UNIT`].
     #[inline(always)]
-    fn weight(&self, k: usize) -> f64 {
-        let [u, v] = self.place(k);
-        (1.0 - u * u - v * v).max(0.0)
-    }
-
-    /// Weights from one of the run on.
-    #[inline(always)]
-    pub fn weights(&self, from: usize, out: &mut [f64]) {
+    pub fn weights(&self, from: usize, out: &mut [u64]) {
         if self.affine {
             let (u0, v0) = (self.start[0], self.start[1]);
             let first = self.first + from as f64;
@@ -69,14 +63,25 @@ impl Row {
             for (k, w) in (0_u32..).zip(out.iter_mut()) {
                 let x = first + f64::from(k);
                 let (u, v) = (u0 + self.along[0] * x, v0 + self.along[1] * x);
-                *w = (1.0 - u * u - v * v).max(0.0);
+                *w = whole((1.0 - u * u - v * v).max(0.0));
             }
             return;
         }
         for (k, w) in out.iter_mut().enumerate() {
-            *w = self.weight(from + k);
+            let [u, v] = self.place(from + k);
+            *w = whole((1.0 - u * u - v * v).max(0.0));
         }
     }
+}
+
+/// Unit of weights that are whole numbers: their sums are exact in any order, and added in a cycle.
+pub(super) const UNIT: f64 = 1.0 / (1_u64 << 32) as f64;
+
+/// A weight up to 1 in units.
+#[inline(always)]
+fn whole(weight: f64) -> u64 {
+    // The last bit of 2^20 and more is one unit.
+    (weight + (1_u64 << 20) as f64).to_bits() & ((1 << 52) - 1)
 }
 
 /// Bin of what lies outside of the picture.
