@@ -5,6 +5,7 @@ pub mod data;
 pub mod estimators;
 pub mod logistic;
 pub mod monte_carlo;
+pub mod planar;
 pub mod replay;
 pub mod sot;
 

@@ -116,7 +116,7 @@ where
         let m = pose.matrix();
         let strides = self.parts.iter().map(|part| part.stride(&m, self.params.samples));
         let stride = strides.max().unwrap_or(1);
-        self.lattice = Lattice { stride, most: EXCESS * self.params.samples as f64 };
+        self.lattice = Lattice { stride, most: (EXCESS * self.params.samples as f64).min(Lattice::ALL.most) };
     }
 
     /// Takes the colours at `pose` as the reference; `false` where half of a part or more is not in the picture.
@@ -226,8 +226,8 @@ where
             |row, bins| {
                 for from in (0..row.count).step_by(LANES) {
                     let n = (row.count - from).min(LANES);
-                    let weights = &mut weights[..n];
-                    row.weights(from, weights);
+                    row.weights(from, n, &mut weights);
+                    let weights = &weights[..n];
                     if bins.is_empty() {
                         counts[outside][0] += weights.iter().sum::<u64>();
                         continue;
