@@ -1,6 +1,9 @@
 //! Instructions of the hot paths of flat targets, counted by callgrind: the same on a busy machine and a quiet one.
 //! `.ci/instructions` runs them and compares with the counts of `instructions.txt`.
 
+// What the macros make has no documentation.
+#![allow(missing_docs)]
+
 use std::hint::black_box;
 use std::path::Path;
 

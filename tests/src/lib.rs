@@ -3,6 +3,7 @@
 pub mod basin;
 pub mod data;
 pub mod estimators;
+pub mod flat;
 pub mod logistic;
 pub mod monte_carlo;
 pub mod planar;

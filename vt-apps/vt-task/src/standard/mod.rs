@@ -113,7 +113,9 @@ impl Registry {
             .with(Method::<Inits<SE3>>::new("auto", "the body is searched in the first frame", views::auto))
             .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
             .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
-            .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
+            .with(Method::<Truths>::new("boxes", "x y width height of a flat target, a line a frame", truth::boxes))
+            .with(Method::<Truths>::new("corners", "four corners of a flat target, a line a frame", truth::corners))
+            .with(Method::<Truths>::new("simulated", "what a simulated sensor knows", truth::simulated))
             .with(
                 Method::<Modalities<SE3>>::new("edges", "model contour against image edges", edges::edges)
                     .levels(&[Pixel, Feature, Object])
