@@ -1,6 +1,8 @@
 //! The methods of this project; adding one is one line here.
 
 pub mod bodies;
+#[cfg(feature = "opencv")]
+pub mod capture;
 pub mod contour;
 pub mod edges;
 pub mod estimator;
@@ -46,6 +48,9 @@ impl Registry {
         let flat = planar::<SE2>(flat, "se2", "flat model that is moved and turned");
         let flat = planar::<Sim2>(flat, "sim2", "flat model that is moved, turned and magnified");
         let flat = planar::<Affine2>(flat, "affine", "flat model under affine maps");
+        #[cfg(feature = "opencv")]
+        let flat =
+            flat.with(Method::<Sensors>::new("opencv", "camera or stream, read by OpenCV", capture::opencv));
         planar::<SL3>(flat, "homography", "flat model under homographies")
             .with(Method::<Sensors>::new(
                 "images",
