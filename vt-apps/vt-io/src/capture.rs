@@ -1,6 +1,5 @@
 //! Cameras and streams that OpenCV reads, as a sensor.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use image::{Luma, Rgb};
@@ -152,7 +151,7 @@ impl Capture {
 
 /// Luma of ITU-R BT.709, as the pictures of folders have it.
 fn luma([r, g, b]: [u8; 3]) -> u8 {
-    ((2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b)) / 10_000) as u8
+    ((2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b) + 5000) / 10_000) as u8
 }
 
 impl Sensor for Capture {

@@ -95,7 +95,7 @@ fn hsv((picture, mut hsv): (RgbImage, Hsv)) -> Hsv {
 
 /// A task after ten steps, and its next frame.
 fn warm(task: &str) -> (TrackingLoop, Frame) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../vt-apps/tasks").join(task);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../vt-apps/tasks").join(task);
     let replay = Replay::load(path, &["sensors.camera.params.frames=11"]).expect("a task");
     let (mut tracking, _) = replay.start().expect("a tracker");
     for frame in &replay.frames()[..10] {
