@@ -10,6 +10,7 @@ mod measurement;
 mod modality;
 mod motion;
 mod params;
+mod places;
 mod sight;
 
 pub use color::ColorMass;
@@ -17,6 +18,7 @@ pub use measurement::CentreMeasurement;
 pub use modality::MassCentreModality;
 pub use motion::{MotionMass, MotionWeights};
 pub use params::MassCentreParams;
+pub use places::{MassLikelihood, Placed, Places};
 pub use sight::{Sight, Window};
 
 use vt_core::error::MeasureError;

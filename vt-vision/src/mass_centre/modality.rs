@@ -12,7 +12,8 @@ use vt_core::measurement::{Measurement, Modality};
 use vt_core::sketch::{Mark, Role};
 use vt_models::warp::PlanarWarp;
 
-use super::{CentreMeasurement, MassCentreParams, MassSource, Sight, Window};
+use super::sight::clutter;
+use super::{CentreMeasurement, MassCentreParams, MassLikelihood, MassSource, Places, Sight, Window};
 use crate::rectangle::Rectangle;
 use crate::search_region::check_prior;
 
@@ -23,13 +24,17 @@ pub struct MassCentreModality<P, S> {
     warp: PlanarWarp<P>,
     rectangle: Rectangle,
     expected: Option<Expected>,
+    places: Places,
     measured: Option<CentreMeasurement<P>>,
 }
+
+/// Mean of the kernel over the window.
+const KERNEL: f64 = 2.0 / 3.0;
 
 /// What is known of the mass of an object.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
-    /// Share of the object's box.
+    /// Mass under the kernel as a share of the object's box.
     share: f64,
     /// Its centre in the model.
     point: Point2<f64>,
@@ -57,7 +62,7 @@ where
         size: [f64; 2],
     ) -> Result<Self, ConfigError> {
         let (params, rectangle) = (params.check()?, Rectangle::new(size)?);
-        Ok(Self { params, source, warp, rectangle, expected: None, measured: None })
+        Ok(Self { params, source, warp, rectangle, expected: None, places: Places::default(), measured: None })
     }
 
     /// Where the weights come from.
@@ -80,17 +85,17 @@ where
         Some(Predicted { object, covariance: &j * &prior.covariance * j.transpose() })
     }
 
-    /// The window of the widest look: that of the object, wider by some predicted deviations, but not by more than the object: what is farther
-    /// away is found only after it came near.
-    fn first_look(&self, predicted: &Predicted) -> Window {
-        let sigma = predicted.covariance.diagonal().map(|v| v.max(0.0).sqrt());
-        let mut window = self.window(predicted);
-        window.half += (sigma * self.params.deviations).inf(&predicted.object.half);
-        window
+    /// Covariance of the mass about its prediction, and how far off it is looked for: some deviations of that, but not more than the
+    /// object's size; what is farther away is found only after it came near.
+    fn gate(&self, predicted: &Predicted) -> (Matrix2<f64>, Vector2<f64>) {
+        let gate = predicted.covariance + self.swing(&predicted.object);
+        let range = gate.diagonal().map(|v| self.params.deviations * v.max(0.0).sqrt());
+        (gate, range.inf(&(predicted.object.half * 2.0)))
     }
 
-    fn window(&self, predicted: &Predicted) -> Window {
-        predicted.object.about(predicted.object.centre, self.params.window)
+    /// Covariance of the mass centre about the place of the object.
+    fn swing(&self, object: &Window) -> Matrix2<f64> {
+        Matrix2::from_partial_diagonal(object.half.map(|h| (2.0 * self.params.wobble * h).powi(2)).as_slice())
     }
 
     /// Looks at a picture.
@@ -101,11 +106,11 @@ where
     ) -> Result<Option<CentreMeasurement<P>>, MeasureError> {
         let params = self.params;
         let Some(predicted) = self.predict(prior) else { return Ok(None) };
-        let (start, window) = (self.first_look(&predicted), self.window(&predicted));
-        let Predicted { object, covariance } = predicted;
-        // With the ring around the window wherever it slides.
-        let all = start.about(start.centre, core::f64::consts::SQRT_2).pixels();
-        let Some(plane) = self.source.weigh(evidence, all, object.pixels())? else { return Ok(None) };
+        let (gate, range) = self.gate(&predicted);
+        let (region, swing) = (self.looked_at(&predicted), self.swing(&predicted.object));
+        let Predicted { object, .. } = predicted;
+        let Some(plane) = self.source.weigh(evidence, region, object.pixels())? else { return Ok(None) };
+        let clutter = clutter(plane, &object);
         let expected = match self.expected {
             Some(expected) => expected,
             None if S::SEEN_AT_START => {
@@ -113,22 +118,30 @@ where
                 let (Some(seen), Some(model_from_picture)) = (Sight::at(plane, &object), matrix) else {
                     return Ok(None);
                 };
-                let (share, point) = (seen.share(&object), model_from_picture.transform_point(&seen.centre));
-                *self.expected.insert(Expected { share, point })
+                let point = model_from_picture.transform_point(&seen.centre);
+                self.places.compute(plane, &object.about(seen.centre, 1.0), Vector2::zeros(), clutter);
+                let mass = self.places.most().map_or(0.0, |(_, mass)| mass);
+                *self.expected.insert(Expected { share: mass / object.area(), point })
             }
-            None => Expected { share: params.share, point: Point2::origin() },
+            None => Expected { share: params.share * KERNEL, point: Point2::origin() },
         };
         let Some(place) = self.warp.at(&prior.mean).locate(&expected.point) else { return Ok(None) };
-        let least = params.least_share * expected.share * object.area();
-        let slid = Sight::slide(plane, &window.about(place, 1.0), &start.about(place, 1.0), least);
-        let Some(seen) = slid.filter(|seen| seen.mass >= least) else { return Ok(None) };
-        let noise = seen.covariance(&object, expected.share, params.patch, params.wobble);
-        let apart = seen.centre - place;
-        let near = (noise + covariance)
-            .cholesky()
-            .is_some_and(|c| apart.dot(&c.solve(&apart)) <= params.deviations * params.deviations);
-        let measured = CentreMeasurement::new(self.warp.clone(), seen.centre, noise).filter(|_| near);
+        let likelihood = MassLikelihood {
+            enough: params.enough * expected.share * object.area(),
+            sharpness: params.sharpness,
+            hidden: params.hidden,
+        };
+        self.places.compute(plane, &object.about(place, 1.0), range, clutter);
+        let Some(seen) = self.places.measurement(&gate, &likelihood) else { return Ok(None) };
+        let measured =
+            CentreMeasurement::new(self.warp.clone(), place + seen.shift, seen.covariance + swing);
         Ok(measured.map(|z| z.of_point(expected.point)))
+    }
+
+    /// Everything that a look may reach, with a ring around it.
+    fn looked_at(&self, predicted: &Predicted) -> Roi {
+        let Predicted { object, .. } = predicted;
+        Window { half: object.half * core::f64::consts::SQRT_2 + self.gate(predicted).1, ..*object }.pixels()
     }
 }
 
@@ -142,8 +155,7 @@ where
 
     /// The object's box at the predicted pose, widened by some predicted deviations, and a ring around it.
     fn region(&self, prior: &Gaussian<P>) -> Option<Roi> {
-        let start = self.first_look(&self.predict(prior).filter(|_| prior.is_finite())?);
-        Some(start.about(start.centre, core::f64::consts::SQRT_2).pixels())
+        Some(self.looked_at(&self.predict(prior).filter(|_| prior.is_finite())?))
     }
 
     fn measure(

@@ -1,17 +1,10 @@
 //! What a window sees of a mass.
 
-use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
+use nalgebra::{Matrix2, Point2, Vector2};
 use vt_core::frame::Roi;
 
 use crate::moments::Moments;
 use crate::plane::{Plane, intersection};
-
-/// Steps of the window at most, and the step below which it stays.
-const STEPS: usize = 10;
-const STILL: f64 = 0.05;
-
-/// Part of the clutter that is not the same inside and outside of the window.
-const UNEVEN: f64 = 0.2;
 
 /// A rectangle with borders between pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +62,7 @@ impl Sight {
     /// What a fixed window sees. `None` without mass beyond clutter.
     pub fn at(plane: &Plane<u8>, window: &Window) -> Option<Self> {
         let inner = intersection(plane.region(), window.pixels());
-        let clutter = clutter(plane, window, inner);
+        let clutter = around(plane, window, inner);
         let (mass, centre) = less_clutter(plane, inner, clutter)?;
         let (mut noise, mut spread) = (Matrix2::zeros(), Matrix2::zeros());
         for y in inner.y..inner.y + inner.height {
@@ -84,52 +77,26 @@ impl Sight {
         Some(Self { centre, mass, clutter, spread: spread / mass, noise: noise / (mass * mass) })
     }
 
-    /// Slides a window from `window` to where its centre is that of the mass in it. Where less than `least` lies in it at first, the first
-    /// step looks at all of `wide`. `None` without mass beyond clutter.
-    pub fn slide(plane: &Plane<u8>, window: &Window, wide: &Window, least: f64) -> Option<Self> {
-        let near = Self::at(plane, window).is_some_and(|s| s.mass >= least);
-        let mut looked = if near { *window } else { *wide };
-        for _ in 0..STEPS {
-            let inner = intersection(plane.region(), looked.pixels());
-            let (_, centre) = less_clutter(plane, inner, clutter(plane, &looked, inner))?;
-            let step = (centre - looked.centre).norm();
-            looked = window.about(centre, 1.0);
-            if step < STILL {
-                break;
-            }
-        }
-        Self::at(plane, &looked)
-    }
+}
 
-    /// Share of a box full of weight 255 that the mass is.
-    pub fn share(&self, object: &Window) -> f64 {
-        self.mass / object.area()
-    }
-
-    /// Covariance of the mass centre of an object with the box `object`, as the sum of what errs independently:
-    ///
-    /// - pixels, in patches of `patch` square pixels: `patch · Σ w² d dᵀ / (Σ w)²`;
-    /// - the object, whose mass is not where it was: `wobble` times its size;
-    /// - what is missing of the expected mass, `share` of the box: a part `m` of it that may be anywhere in the box: `m²` of the box's spread;
-    /// - clutter, which is not the same all over: with `q` times the mass, `(q / 5)²` of the box's spread;
-    /// - what is too much. A share `ε` of strange mass at the distance `d` adds `ε (1 − ε) d dᵀ` to the spread and moves the centre by `ε d`; with
-    ///   ε = ½ that is as much. So all of the spread beyond that of the box counts.
-    pub fn covariance(&self, object: &Window, share: f64, patch: f64, wobble: f64) -> Matrix2<f64> {
-        let missing = (1.0 - self.share(object) / share).max(0.0);
-        let clutter = UNEVEN * self.clutter * object.area() / self.mass;
-        let box_spread = object.spread();
-        let swing = Matrix2::from_diagonal(&object.half.map(|h| (2.0 * wobble * h).powi(2)));
-        let mut too_much = SymmetricEigen::new(self.spread - box_spread);
-        too_much.eigenvalues.apply(|v| *v = v.max(0.0));
-        self.noise * patch
-            + swing
-            + box_spread * (missing * missing + clutter * clutter)
-            + too_much.recompose()
-    }
+/// Mean weight, 0 to 1, on that side of a window which has least: others stand on some sides, clutter on all.
+pub(super) fn clutter(plane: &Plane<u8>, window: &Window) -> f64 {
+    let Window { centre, half } = *window;
+    let beside = |k: usize, sign: f64| {
+        let mut side = Window { centre, half };
+        side.half[k] *= 0.2;
+        side.centre[k] += sign * (half[k] + side.half[k]);
+        let part = intersection(plane.region(), side.pixels());
+        let area = f64::from(part.width) * f64::from(part.height);
+        (area > 0.0).then(|| Moments::of_plane(plane, part).mass() / (255.0 * area))
+    };
+    let sides = [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)];
+    let least = sides.into_iter().filter_map(|(k, sign)| beside(k, sign)).fold(1.0, f64::min);
+    if least < 1.0 { least } else { 0.0 }
 }
 
 /// Mean weight, 0 to 1, of the pixels of the ring around a window that has about its area; zero where there is none.
-fn clutter(plane: &Plane<u8>, window: &Window, inner: Roi) -> f64 {
+fn around(plane: &Plane<u8>, window: &Window, inner: Roi) -> f64 {
     let outer = intersection(plane.region(), window.about(window.centre, core::f64::consts::SQRT_2).pixels());
     let area = |r: Roi| f64::from(r.width) * f64::from(r.height);
     let ring = area(outer) - area(inner);

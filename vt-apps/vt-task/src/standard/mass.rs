@@ -26,29 +26,29 @@ use crate::roles::{ModalityContext, ModalityProduct};
 pub struct Centre {
     /// Share of the object's box that its mass fills; what the first frame shows where that is known.
     pub share: f64,
-    /// Share of the expected mass below which nothing was seen.
-    pub least_share: f64,
-    /// Square pixels that share their error.
-    pub patch: f64,
+    /// Part of the expected mass that is as good as all of it: more may be another's.
+    pub enough: f64,
+    /// Log-likelihood that a place loses where all that mass is missing.
+    pub sharpness: f64,
+    /// Likelihood that the object is hidden, over that of a place with its mass.
+    pub hidden: f64,
     /// Error of the mass centre as the place of the object, as a standard deviation over the object's width and height.
     pub wobble: f64,
-    /// Size of the window over that of the object's box.
-    pub window: f64,
     /// Half size of the search, and of what is taken for the target, in predicted deviations.
     pub deviations: f64,
 }
 
 impl Default for Centre {
     fn default() -> Self {
-        let MassCentreParams { share, least_share, patch, wobble, window, deviations } = Default::default();
-        Self { share, least_share, patch, wobble, window, deviations }
+        let MassCentreParams { share, enough, sharpness, hidden, wobble, deviations } = Default::default();
+        Self { share, enough, sharpness, hidden, wobble, deviations }
     }
 }
 
 impl Centre {
     fn params(&self) -> Result<MassCentreParams, ConfigError> {
-        let Self { share, least_share, patch, wobble, window, deviations } = *self;
-        MassCentreParams { share, least_share, patch, wobble, window, deviations }.check()
+        let Self { share, enough, sharpness, hidden, wobble, deviations } = *self;
+        MassCentreParams { share, enough, sharpness, hidden, wobble, deviations }.check()
     }
 
     fn modality<P: PlanarSpace, S: MassSource + 'static>(
