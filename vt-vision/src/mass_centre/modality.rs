@@ -8,8 +8,10 @@ use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::Roi;
 use vt_core::lie::PlanarMotion;
 use vt_core::manifold::Alloc;
+use vt_core::math;
 use vt_core::measurement::{Measurement, Modality};
 use vt_core::sketch::{Mark, Role};
+use vt_core::time::Timestamp;
 use vt_models::warp::PlanarWarp;
 
 use super::sight::clutter;
@@ -24,12 +26,21 @@ pub struct MassCentreModality<P, S> {
     warp: PlanarWarp<P>,
     rectangle: Rectangle,
     expected: Option<Expected>,
+    /// What was expected at the start.
+    start: Option<Expected>,
+    /// Share that was seen in this step.
+    seen: Option<f64>,
+    /// When the expected mass was adapted last.
+    adapted: Option<Timestamp>,
     places: Places,
     measured: Option<CentreMeasurement<P>>,
 }
 
 /// Mean of the kernel over the window.
 const KERNEL: f64 = 2.0 / 3.0;
+
+/// Factor on the expected mass beyond which what is seen is not that of the object alone.
+const MOST: f64 = 1.25;
 
 /// What is known of the mass of an object.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +73,18 @@ where
         size: [f64; 2],
     ) -> Result<Self, ConfigError> {
         let (params, rectangle) = (params.check()?, Rectangle::new(size)?);
-        Ok(Self { params, source, warp, rectangle, expected: None, places: Places::default(), measured: None })
+        Ok(Self {
+            params,
+            source,
+            warp,
+            rectangle,
+            expected: None,
+            start: None,
+            seen: None,
+            adapted: None,
+            places: Places::default(),
+            measured: None,
+        })
     }
 
     /// Where the weights come from.
@@ -120,21 +142,24 @@ where
                 };
                 let point = model_from_picture.transform_point(&seen.centre);
                 self.places.compute(plane, &object.about(seen.centre, 1.0), Vector2::zeros(), clutter);
-                let mass = self.places.most().map_or(0.0, |(_, mass)| mass);
-                *self.expected.insert(Expected { share: mass / object.area(), point })
+                let mass = self.places.near(Vector2::zeros()).unwrap_or(0.0);
+                Expected { share: mass / object.area(), point }
             }
             None => Expected { share: params.share * KERNEL, point: Point2::origin() },
         };
+        self.expected = Some(expected);
+        self.start.get_or_insert(expected);
         let Some(place) = self.warp.at(&prior.mean).locate(&expected.point) else { return Ok(None) };
         let likelihood = MassLikelihood {
             enough: params.enough * expected.share * object.area(),
             sharpness: params.sharpness,
+            missing: params.missing,
             hidden: params.hidden,
         };
         self.places.compute(plane, &object.about(place, 1.0), range, clutter);
         let Some(seen) = self.places.measurement(&gate, &likelihood) else { return Ok(None) };
-        let measured =
-            CentreMeasurement::new(self.warp.clone(), place + seen.shift, seen.covariance + swing);
+        self.seen = self.places.near(seen.shift).map(|mass| mass / object.area());
+        let measured = CentreMeasurement::new(self.warp.clone(), place + seen.shift, seen.covariance + swing);
         Ok(measured.map(|z| z.of_point(expected.point)))
     }
 
@@ -163,7 +188,7 @@ where
         evidence: &Evidence,
         prior: &Gaussian<P>,
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
-        self.measured = None;
+        (self.measured, self.seen) = (None, None);
         check_prior(prior)?;
         self.measured = self.look(evidence, prior)?;
         Ok(self.last())
@@ -173,8 +198,28 @@ where
         self.measured.as_ref().map(|z| z as _)
     }
 
+    /// The mass that is expected follows what was seen: targets grow and turn.
+    fn adapt(&mut self, evidence: &Evidence, _: &Gaussian<P>) -> Result<(), MeasureError> {
+        let now = evidence.frames().iter().map(|f| f.time).max();
+        if let (Some(now), Some(before), Some(seen), Some(expected)) =
+            (now, self.adapted, self.seen, &mut self.expected)
+        {
+            let kept = math::exp(-(now - before).0.max(0.0) / self.params.follows.0);
+            // More may be of another, less be hidden.
+            let [low, high] = [1.0 / MOST, MOST].map(|f| f * expected.share);
+            expected.share = kept * expected.share + (1.0 - kept) * seen.clamp(low, high);
+        }
+        self.adapted = now.or(self.adapted);
+        Ok(())
+    }
+
+    /// What was learnt at the start is not what it forgets.
+    fn revert(&mut self) {
+        self.expected = self.start;
+    }
+
     fn forget(&mut self) {
-        self.expected = None;
+        (self.expected, self.start, self.adapted) = (None, None, None);
         self.source.forget();
     }
 

@@ -1,6 +1,7 @@
 //! Parameters of mass centres.
 
 use vt_core::error::ConfigError;
+use vt_core::time::Seconds;
 
 /// Parameters of a [`super::MassCentreModality`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,10 +10,14 @@ pub struct MassCentreParams {
     pub share: f64,
     /// Part of the expected mass that is as good as all of it: more may be another's.
     pub enough: f64,
-    /// Log-likelihood that a place loses where all that mass is missing.
+    /// Log-likelihood that a place loses against a better one for each part of that mass that it lacks.
     pub sharpness: f64,
+    /// Log-likelihood that is lost where all mass is missing even at the best place.
+    pub missing: f64,
     /// Likelihood that the object is hidden, over that of a place with its mass.
     pub hidden: f64,
+    /// Time in which the expected mass follows what is seen of a trusted target by two thirds.
+    pub follows: Seconds,
     /// Error of the mass centre as the place of the object, as a standard deviation over the object's width and height: limbs swing,
     /// parts are of other colours.
     pub wobble: f64,
@@ -23,7 +28,16 @@ pub struct MassCentreParams {
 
 impl Default for MassCentreParams {
     fn default() -> Self {
-        Self { share: 0.3, enough: 0.7, sharpness: 20.0, hidden: 1e-4, wobble: 0.05, deviations: 3.0 }
+        Self {
+            share: 0.3,
+            enough: 1.0,
+            sharpness: 40.0,
+            missing: 10.0,
+            hidden: 1e-3,
+            follows: Seconds(100.0),
+            wobble: 0.05,
+            deviations: 3.0,
+        }
     }
 }
 
@@ -38,7 +52,14 @@ impl MassCentreParams {
                 return Err(ConfigError::parameter(key, v, "above 0, at most 1"));
             }
         }
-        for (key, v) in [("sharpness", self.sharpness), ("hidden", self.hidden), ("wobble", self.wobble), ("deviations", self.deviations)] {
+        for (key, v) in [
+            ("sharpness", self.sharpness),
+            ("missing", self.missing),
+            ("hidden", self.hidden),
+            ("follows", self.follows.0),
+            ("wobble", self.wobble),
+            ("deviations", self.deviations),
+        ] {
             if !(v > 0.0 && v.is_finite()) {
                 return Err(ConfigError::parameter(key, v, "a positive number"));
             }

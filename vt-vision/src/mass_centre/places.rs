@@ -20,15 +20,19 @@ const UNKNOWN: f64 = 1e3;
 pub struct MassLikelihood {
     /// Mass of the object under the kernel that is as good as all of it: more says no more, because others have mass too.
     pub enough: f64,
-    /// Log-likelihood that is lost where all mass is missing.
+    /// Log-likelihood that a place loses against a better one for each part of the mass that it lacks.
     pub sharpness: f64,
+    /// Log-likelihood that is lost where all mass is missing even at the best place.
+    pub missing: f64,
     /// Likelihood of any place when the object is hidden, over that of a place with its mass.
     pub hidden: f64,
 }
 
 impl MassLikelihood {
-    fn at(&self, mass: f64) -> f64 {
-        math::exp(self.sharpness * ((mass / self.enough).clamp(0.0, 1.0) - 1.0)) + self.hidden
+    /// Of a place with so much mass, where the window that starts at the prediction comes to rest at a place with `most`.
+    fn at(&self, mass: f64, most: f64) -> f64 {
+        let [mass, most] = [mass, most].map(|m| (m / self.enough).clamp(0.0, 1.0));
+        math::exp(self.sharpness * (mass - most).min(0.0) + self.missing * (most - 1.0)) + self.hidden
     }
 }
 
@@ -49,8 +53,10 @@ pub struct Placed {
 pub struct Places {
     /// Rows of one column of places: sums of weights, and of weights times `u²`.
     rows: Vec<[f64; 2]>,
-    /// Shift and mass of each place.
+    /// Shift and mass of each place, column by column.
     masses: Vec<(Vector2<f64>, f64)>,
+    /// Places in a column.
+    column: usize,
 }
 
 impl Places {
@@ -65,9 +71,11 @@ impl Places {
         };
         let reach = Window { half: half + range, ..*window };
         let all = intersection(plane.region(), reach.pixels());
+        self.column = along(1).count();
         for dx in along(0) {
             let x = window.centre.x + dx;
-            let column = Window { centre: Point2::new(x, window.centre.y), half: Vector2::new(half.x, reach.half.y) };
+            let column =
+                Window { centre: Point2::new(x, window.centre.y), half: Vector2::new(half.x, reach.half.y) };
             let part = intersection(all, column.pixels());
             self.rows.clear();
             self.rows.extend((part.y..part.y + part.height).map(|y| {
@@ -91,9 +99,24 @@ impl Places {
         }
     }
 
-    /// Place and mass where there is most of it.
-    pub fn most(&self) -> Option<(Vector2<f64>, f64)> {
-        self.masses.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))
+    /// Mass where the window comes to rest that starts at the prediction.
+    fn most(&self) -> f64 {
+        let (n, rows) = (self.masses.len(), self.column.max(1));
+        let mut at = n / 2;
+        while let Some(best) = (0..n)
+            .filter(|k| (k / rows).abs_diff(at / rows) <= 1 && (k % rows).abs_diff(at % rows) <= 1)
+            .max_by(|&a, &b| self.masses[a].1.total_cmp(&self.masses[b].1))
+            .filter(|&k| self.masses[k].1 > self.masses[at].1)
+        {
+            at = best;
+        }
+        self.masses.get(at).map_or(0.0, |p| p.1)
+    }
+
+    /// Mass at the place nearest to a shift.
+    pub fn near(&self, shift: Vector2<f64>) -> Option<f64> {
+        let distance = |p: &(Vector2<f64>, f64)| (p.0 - shift).norm_squared();
+        self.masses.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|p| p.1)
     }
 
     /// The Gaussian measurement that takes a prediction with the covariance `gate` to the mean and covariance of the places under
@@ -101,10 +124,11 @@ impl Places {
     pub fn measurement(&self, gate: &Matrix2<f64>, likelihood: &MassLikelihood) -> Option<Placed> {
         let root = gate.cholesky()?.l();
         let inverse = root.try_inverse()?;
+        let most = self.most();
         let (mut total, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
         for (shift, mass) in &self.masses {
             let white = inverse * shift;
-            let weight = math::exp(-0.5 * white.norm_squared()) * likelihood.at(*mass);
+            let weight = math::exp(-0.5 * white.norm_squared()) * likelihood.at(*mass, most);
             total += weight;
             first += white * weight;
             second += white * white.transpose() * weight;

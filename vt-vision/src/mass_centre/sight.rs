@@ -76,7 +76,6 @@ impl Sight {
         }
         Some(Self { centre, mass, clutter, spread: spread / mass, noise: noise / (mass * mass) })
     }
-
 }
 
 /// Mean weight, 0 to 1, on that side of a window which has least: others stand on some sides, clutter on all.

@@ -42,6 +42,9 @@ struct Arguments {
     /// Starts in the life of each target of development.
     #[arg(long, default_value_t = 3)]
     starts: usize,
+    /// Without dynamic fusion.
+    #[arg(long)]
+    quick: bool,
     /// Only targets with this in their name.
     #[arg(long)]
     only: Option<String>,
@@ -79,7 +82,7 @@ fn loops(track: &Track, a: &Arguments) -> Result<(Scene, Vec<Document>)> {
     let document = Document::load(&a.task, &set)?;
     let registry = Registry::standard();
     let task = check(&document, &registry)?;
-    let variants = VARIANTS.iter().map(|(_, modalities, fusion, _)| {
+    let variants = VARIANTS.iter().take(if a.quick { 3 } else { 5 }).map(|(_, modalities, fusion, _)| {
         let mut task = task.clone();
         task.outputs.clear();
         let target = &mut task.targets[0];

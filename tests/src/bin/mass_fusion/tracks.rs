@@ -93,6 +93,7 @@ fn pets(data: &Path, (identity, boxes): &(u64, Vec<Seen>), first: usize) -> Opti
 /// Share of the first box that lies in the other.
 fn shared(own: &Rectangle, other: &Rectangle) -> f64 {
     let along = |a: f64, length: f64, b: f64, other: f64| ((a + length).min(b + other) - a.max(b)).max(0.0);
-    let common = along(own.x, own.width, other.x, other.width) * along(own.y, own.height, other.y, other.height);
+    let common =
+        along(own.x, own.width, other.x, other.width) * along(own.y, own.height, other.y, other.height);
     common / (own.width * own.height)
 }

@@ -28,10 +28,14 @@ pub struct Centre {
     pub share: f64,
     /// Part of the expected mass that is as good as all of it: more may be another's.
     pub enough: f64,
-    /// Log-likelihood that a place loses where all that mass is missing.
+    /// Log-likelihood that a place loses against a better one for each part of that mass that it lacks.
     pub sharpness: f64,
+    /// Log-likelihood that is lost where all mass is missing even at the best place.
+    pub missing: f64,
     /// Likelihood that the object is hidden, over that of a place with its mass.
     pub hidden: f64,
+    /// Time in which the expected mass follows what is seen of the target by two thirds.
+    pub follows: Span,
     /// Error of the mass centre as the place of the object, as a standard deviation over the object's width and height.
     pub wobble: f64,
     /// Half size of the search, and of what is taken for the target, in predicted deviations.
@@ -40,15 +44,19 @@ pub struct Centre {
 
 impl Default for Centre {
     fn default() -> Self {
-        let MassCentreParams { share, enough, sharpness, hidden, wobble, deviations } = Default::default();
-        Self { share, enough, sharpness, hidden, wobble, deviations }
+        let MassCentreParams { share, enough, sharpness, missing, hidden, follows, wobble, deviations } =
+            Default::default();
+        // A finite number of a known unit always is a quantity.
+        let follows = Span::new(follows.0, "s").unwrap_or_default();
+        Self { share, enough, sharpness, missing, hidden, follows, wobble, deviations }
     }
 }
 
 impl Centre {
     fn params(&self) -> Result<MassCentreParams, ConfigError> {
-        let Self { share, enough, sharpness, hidden, wobble, deviations } = *self;
-        MassCentreParams { share, enough, sharpness, hidden, wobble, deviations }.check()
+        let Self { share, enough, sharpness, missing, hidden, follows, wobble, deviations } = *self;
+        let follows = Seconds(follows.si());
+        MassCentreParams { share, enough, sharpness, missing, hidden, follows, wobble, deviations }.check()
     }
 
     fn modality<P: PlanarSpace, S: MassSource + 'static>(
@@ -97,6 +105,8 @@ pub struct MotionCentre {
     pub compared: Compared,
     /// Age at which motion is forgotten, and for which a pixel must stand still to be of the background.
     pub duration: Span,
+    /// Time after which what stands before the background is taken for part of it.
+    pub absorbed: Span,
     /// What has weight.
     pub weights: Weights,
     /// How the centre is measured.
@@ -107,8 +117,8 @@ impl Default for MotionCentre {
     fn default() -> Self {
         let (compared, weights) = Default::default();
         // A finite number of a known unit always is a quantity.
-        let duration = Span::new(2.0, "s").unwrap_or_default();
-        Self { threshold: 15, compared, duration, weights, centre: Centre::default() }
+        let [duration, absorbed] = [2.0, 2.0].map(|s| Span::new(s, "s").unwrap_or_default());
+        Self { threshold: 15, compared, duration, absorbed, weights, centre: Centre::default() }
     }
 }
 
@@ -119,7 +129,8 @@ impl MotionCentre {
             Compared::Three => motion::Compared::Three,
             Compared::Still => motion::Compared::Still,
         };
-        MotionParams { threshold: self.threshold, compared, duration: Seconds(self.duration.si()) }.check()
+        let [duration, absorbed] = [self.duration, self.absorbed].map(|s| Seconds(s.si()));
+        MotionParams { threshold: self.threshold, compared, duration, absorbed }.check()
     }
 }
 
