@@ -153,7 +153,6 @@ where
         let likelihood = MassLikelihood {
             enough: params.enough * expected.share * object.area(),
             sharpness: params.sharpness,
-            missing: params.missing,
             hidden: params.hidden,
         };
         self.places.compute(plane, &object.about(place, 1.0), range, clutter);

@@ -10,10 +10,8 @@ pub struct MassCentreParams {
     pub share: f64,
     /// Part of the expected mass that is as good as all of it: more may be another's.
     pub enough: f64,
-    /// Log-likelihood that a place loses against a better one for each part of that mass that it lacks.
+    /// Log-likelihood that a place loses where all that mass is missing.
     pub sharpness: f64,
-    /// Log-likelihood that is lost where all mass is missing even at the best place.
-    pub missing: f64,
     /// Likelihood that the object is hidden, over that of a place with its mass.
     pub hidden: f64,
     /// Time in which the expected mass follows what is seen of a trusted target by two thirds.
@@ -30,11 +28,10 @@ impl Default for MassCentreParams {
     fn default() -> Self {
         Self {
             share: 0.3,
-            enough: 1.0,
-            sharpness: 40.0,
-            missing: 10.0,
+            enough: 0.9,
+            sharpness: 10.0,
             hidden: 1e-3,
-            follows: Seconds(100.0),
+            follows: Seconds(2.0),
             wobble: 0.05,
             deviations: 3.0,
         }
@@ -54,7 +51,6 @@ impl MassCentreParams {
         }
         for (key, v) in [
             ("sharpness", self.sharpness),
-            ("missing", self.missing),
             ("hidden", self.hidden),
             ("follows", self.follows.0),
             ("wobble", self.wobble),

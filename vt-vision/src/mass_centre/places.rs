@@ -20,19 +20,18 @@ const UNKNOWN: f64 = 1e3;
 pub struct MassLikelihood {
     /// Mass of the object under the kernel that is as good as all of it: more says no more, because others have mass too.
     pub enough: f64,
-    /// Log-likelihood that a place loses against a better one for each part of the mass that it lacks.
+    /// Log-likelihood that a place loses where all mass is missing.
     pub sharpness: f64,
-    /// Log-likelihood that is lost where all mass is missing even at the best place.
-    pub missing: f64,
     /// Likelihood of any place when the object is hidden, over that of a place with its mass.
     pub hidden: f64,
 }
 
 impl MassLikelihood {
-    /// Of a place with so much mass, where the window that starts at the prediction comes to rest at a place with `most`.
+    /// Of a place with so much mass, where the window that starts at the prediction comes to rest at one with `most`: no other is better
+    /// than that, however much mass it has.
     fn at(&self, mass: f64, most: f64) -> f64 {
-        let [mass, most] = [mass, most].map(|m| (m / self.enough).clamp(0.0, 1.0));
-        math::exp(self.sharpness * (mass - most).min(0.0) + self.missing * (most - 1.0)) + self.hidden
+        let share = (mass.min(most) / self.enough).clamp(0.0, 1.0);
+        math::exp(self.sharpness * (share - 1.0)) + self.hidden
     }
 }
 

@@ -87,7 +87,11 @@ fn loops(track: &Track, a: &Arguments) -> Result<(Scene, Vec<Document>)> {
         task.outputs.clear();
         let target = &mut task.targets[0];
         target.modalities = modalities.iter().map(|&k| target.modalities[k].clone()).collect();
-        target.fusion = Some(Choice { kind: (*fusion).to_owned(), ..Choice::of("") });
+        let mut fusion = Choice::of(fusion);
+        if fusion.kind != VARIANTS[0].2 {
+            fusion.params.insert("feedback".into(), true.into());
+        }
+        target.fusion = Some(fusion);
         Ok(Document::of(&task, document.base())?)
     });
     let variants = variants.collect::<Result<Vec<_>>>()?;
@@ -109,7 +113,7 @@ type Errors = [(f64, bool); VARIANTS.len()];
 /// What was measured of the motion and colours of one target.
 struct Outcome {
     errors: Vec<Errors>,
-    /// Sum of NIS and of degrees of freedom of the corrections.
+    /// Sum of NIS and of degrees of freedom of the corrections that kept the target.
     surprise: [[f64; 2]; VARIANTS.len()],
 }
 
@@ -127,16 +131,16 @@ fn follow(track: &Track, a: &Arguments) -> Result<Outcome> {
         for (v, tracking) in tracking.iter_mut().flatten().enumerate() {
             let report = tracking.step([frame.clone()])?.first().context("no report")?;
             ensure!(report.failure.is_none(), "{:?}", report.failure);
-            if let Some(innovation) = report.assessment.innovation {
-                out.surprise[v][0] += innovation.nis;
-                out.surprise[v][1] += innovation.dof as f64;
-            }
             let pose = picture_from_plane(&report.posterior).context("no flat pose")?;
             let (x, y) = (pose.m13, pose.m23);
             if let Some(t) = truth {
                 // Pixel centres are at whole coordinates, borders of boxes half a pixel off.
                 let apart = [x - (t.x + 0.5 * (t.width - 1.0)), y - (t.y + 0.5 * (t.height - 1.0))];
                 let outside = 2.0 * apart[0].abs() > t.width || 2.0 * apart[1].abs() > t.height;
+                if let Some(innovation) = report.assessment.innovation.filter(|_| !outside) {
+                    out.surprise[v][0] += innovation.nis;
+                    out.surprise[v][1] += innovation.dof as f64;
+                }
                 errors[v] = ((apart[0] * apart[0] + apart[1] * apart[1]).sqrt(), outside);
                 let own = Rectangle { x: x - 0.5 * t.width, y: y - 0.5 * t.height, ..*t };
                 draw(&mut picture, &own, VARIANTS[v].3);
@@ -195,7 +199,7 @@ fn print(name: &str, outcome: &Outcome, block: usize) {
         let wins = if v < 2 { String::new() } else { format!("  {:.3}", best(&blocks, v)) };
         // A rule without a filter of its own has no innovation; a measurement has two numbers.
         let nis = if dof > 0.0 {
-            format!("NIS {:.2} of 1, {:4.0} %", nis / dof, 50.0 * dof / frames as f64)
+            format!("NIS {:.2} of 1, {:4.0} %", nis / dof, 50.0 * dof / (frames - lost) as f64)
         } else {
             String::new()
         };
@@ -211,9 +215,11 @@ fn main() -> Result<()> {
     tracks.retain(|t| a.only.as_ref().is_none_or(|only| t.name.contains(only)));
     ensure!(!tracks.is_empty(), "no such target");
     println!(
-        "error of the centre, frames with the centre outside of the true box, NIS per degree of freedom,"
+        "error of the centre, frames with the centre outside of the true box; in the others NIS per degree"
     );
-    println!("measurements a frame; share of {RESAMPLES} resamples in which it is better than both modules");
+    println!(
+        "of freedom and measurements a frame; share of {RESAMPLES} resamples in which it is better than both modules"
+    );
     let outcomes: Vec<Outcome> = tracks.par_iter().map(|t| follow(t, &a)).collect::<Result<_>>()?;
     let mut all = Outcome { errors: vec![], surprise: Default::default() };
     for (track, outcome) in tracks.iter().zip(&outcomes) {

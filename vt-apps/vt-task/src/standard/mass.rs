@@ -28,10 +28,8 @@ pub struct Centre {
     pub share: f64,
     /// Part of the expected mass that is as good as all of it: more may be another's.
     pub enough: f64,
-    /// Log-likelihood that a place loses against a better one for each part of that mass that it lacks.
+    /// Log-likelihood that a place loses where all that mass is missing.
     pub sharpness: f64,
-    /// Log-likelihood that is lost where all mass is missing even at the best place.
-    pub missing: f64,
     /// Likelihood that the object is hidden, over that of a place with its mass.
     pub hidden: f64,
     /// Time in which the expected mass follows what is seen of the target by two thirds.
@@ -44,19 +42,19 @@ pub struct Centre {
 
 impl Default for Centre {
     fn default() -> Self {
-        let MassCentreParams { share, enough, sharpness, missing, hidden, follows, wobble, deviations } =
+        let MassCentreParams { share, enough, sharpness, hidden, follows, wobble, deviations } =
             Default::default();
         // A finite number of a known unit always is a quantity.
         let follows = Span::new(follows.0, "s").unwrap_or_default();
-        Self { share, enough, sharpness, missing, hidden, follows, wobble, deviations }
+        Self { share, enough, sharpness, hidden, follows, wobble, deviations }
     }
 }
 
 impl Centre {
     fn params(&self) -> Result<MassCentreParams, ConfigError> {
-        let Self { share, enough, sharpness, missing, hidden, follows, wobble, deviations } = *self;
+        let Self { share, enough, sharpness, hidden, follows, wobble, deviations } = *self;
         let follows = Seconds(follows.si());
-        MassCentreParams { share, enough, sharpness, missing, hidden, follows, wobble, deviations }.check()
+        MassCentreParams { share, enough, sharpness, hidden, follows, wobble, deviations }.check()
     }
 
     fn modality<P: PlanarSpace, S: MassSource + 'static>(
@@ -117,7 +115,7 @@ impl Default for MotionCentre {
     fn default() -> Self {
         let (compared, weights) = Default::default();
         // A finite number of a known unit always is a quantity.
-        let [duration, absorbed] = [2.0, 2.0].map(|s| Span::new(s, "s").unwrap_or_default());
+        let [duration, absorbed] = [2.0, 10.0].map(|s| Span::new(s, "s").unwrap_or_default());
         Self { threshold: 15, compared, duration, absorbed, weights, centre: Centre::default() }
     }
 }
