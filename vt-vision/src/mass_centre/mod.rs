@@ -47,12 +47,6 @@ pub trait MassSource: Send {
         object: Roi,
     ) -> Result<Option<&'a Plane<u8>>, MeasureError>;
 
-    /// Part of the mass of an object in a window that the weights can show by now, 0 to 1.
-    fn shown(&self, evidence: &Evidence, window: Roi) -> f64 {
-        let _ = (evidence, window);
-        1.0
-    }
-
     /// Drops what was learnt, but for what was given.
     fn forget(&mut self) {}
 }

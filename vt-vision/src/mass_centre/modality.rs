@@ -42,9 +42,6 @@ const KERNEL: f64 = 2.0 / 3.0;
 /// Factor on the expected mass beyond which what is seen is not that of the object alone.
 const MOST: f64 = 1.25;
 
-/// Part of the object's mass that must be shown for it to be learnt.
-const WHOLE: f64 = 0.9;
-
 /// What is known of the mass of an object.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
@@ -134,7 +131,6 @@ where
         let (gate, range) = self.gate(&predicted);
         let (region, swing) = (self.looked_at(&predicted), self.swing(&predicted.object));
         let Predicted { object, .. } = predicted;
-        let shown = self.source.shown(evidence, object.pixels());
         let Some(plane) = self.source.weigh(evidence, region, object.pixels())? else { return Ok(None) };
         let clutter = clutter(plane, &object);
         let expected = match self.expected {
@@ -155,15 +151,13 @@ where
         self.start.get_or_insert(expected);
         let Some(place) = self.warp.at(&prior.mean).locate(&expected.point) else { return Ok(None) };
         let likelihood = MassLikelihood {
-            enough: params.enough * expected.share * shown * object.area(),
+            enough: params.enough * expected.share * object.area(),
             sharpness: params.sharpness,
             hidden: params.hidden,
         };
         self.places.compute(plane, &object.about(place, 1.0), range, clutter);
         let Some(seen) = self.places.measurement(&gate, &likelihood) else { return Ok(None) };
-        // Little of it tells little.
-        let mass = self.places.near(seen.shift).filter(|_| shown > WHOLE);
-        self.seen = mass.map(|mass| mass / (shown * object.area()));
+        self.seen = self.places.near(seen.shift).map(|mass| mass / object.area());
         let measured = CentreMeasurement::new(self.warp.clone(), place + seen.shift, seen.covariance + swing);
         Ok(measured.map(|z| z.of_point(expected.point)))
     }

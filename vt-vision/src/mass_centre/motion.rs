@@ -5,8 +5,7 @@ use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Roi, SensorId};
 
 use super::MassSource;
-use crate::moments::Moments;
-use crate::motion::{Compared, Motion, MotionParams, MotionProcessing};
+use crate::motion::{Motion, MotionParams, MotionProcessing};
 use crate::plane::Plane;
 
 /// What of the motion has weight.
@@ -40,9 +39,6 @@ impl MotionMass {
     }
 }
 
-/// Part of a moving object that differences of frames show at least: its borders.
-const BORDERS: f64 = 0.15;
-
 impl MassSource for MotionMass {
     const SEEN_AT_START: bool = false;
 
@@ -65,18 +61,5 @@ impl MassSource for MotionMass {
                 &self.recency
             }
         }))
-    }
-
-    /// All of what is before a background that is known.
-    fn shown(&self, evidence: &Evidence, window: Roi) -> f64 {
-        match evidence.get::<Motion>(&self.needs[0]) {
-            Ok(motion) if self.params.compared == Compared::Still => {
-                let known = motion.still().known();
-                let pixels = f64::from(window.width) * f64::from(window.height);
-                let share = Moments::of_plane(known, window).mass() / (255.0 * pixels.max(1.0));
-                BORDERS + (1.0 - BORDERS) * share
-            }
-            _ => 1.0,
-        }
     }
 }
