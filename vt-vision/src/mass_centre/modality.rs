@@ -14,8 +14,8 @@ use vt_core::sketch::{Mark, Role};
 use vt_core::time::Timestamp;
 use vt_models::warp::PlanarWarp;
 
-use super::sight::clutter;
-use super::{CentreMeasurement, MassCentreParams, MassLikelihood, MassSource, Places, Sight, Window};
+use super::window::{centre, clutter};
+use super::{CentreMeasurement, MassCentreParams, MassLikelihood, MassSource, Places, Window};
 use crate::rectangle::Rectangle;
 use crate::search_region::check_prior;
 
@@ -137,12 +137,14 @@ where
             Some(expected) => expected,
             None if S::SEEN_AT_START => {
                 let matrix = prior.mean.matrix().try_inverse();
-                let (Some(seen), Some(model_from_picture)) = (Sight::at(plane, &object), matrix) else {
+                let (Some(seen), Some(model_from_picture)) = (centre(plane, &object), matrix) else {
                     return Ok(None);
                 };
-                let point = model_from_picture.transform_point(&seen.centre);
-                self.places.compute(plane, &object.about(seen.centre, 1.0), Vector2::zeros(), clutter);
-                let mass = self.places.near(Vector2::zeros()).unwrap_or(0.0);
+                let point = model_from_picture.transform_point(&seen);
+                self.places.compute(plane, &object.about(seen, 1.0), Vector2::zeros(), clutter);
+                let Some(mass) = self.places.near(Vector2::zeros()).filter(|mass| *mass > 0.0) else {
+                    return Ok(None);
+                };
                 Expected { share: mass / object.area(), point }
             }
             None => Expected { share: params.share * KERNEL, point: Point2::origin() },

@@ -141,6 +141,28 @@ mod tests {
     }
 
     #[test]
+    fn what_comes_to_a_stand_is_absorbed_late() {
+        let stopped = |frames, absorbed| {
+            let (mut still, mut history, mut changes) =
+                (StillPicture::default(), MotionHistory::default(), Plane::default());
+            let mut mask = vec![0; 100];
+            // It moves until frame 30 and stands from then on.
+            for k in 0..frames {
+                let (now, before) = (row(k.min(30), 0), row(k.saturating_sub(1).min(30), 0));
+                difference(&now, &before, 20, changes.reshape(Roi { x: 0, y: 0, width: 100, height: 1 }));
+                let time = Timestamp::from_seconds(0.1 * f64::from(k));
+                history.update(&changes, time, Seconds(0.75));
+                still.update(&now, &history, time, 20, absorbed);
+                mask.fill(7);
+                still.compare(&now, 20, &mut mask);
+            }
+            mask[(10 + 2 * 30) as usize + 4]
+        };
+        assert_eq!([31, 36, 60].map(|k| stopped(k, Seconds(0.75))), [255, 255, 0]);
+        assert_eq!([31, 60, 120].map(|k| stopped(k, Seconds(5.0))), [255, 255, 0]);
+    }
+
+    #[test]
     fn nothing_is_known_before_one_duration_and_after_another_size() {
         let (still, mask) = run(7, 0, Seconds(0.75));
         assert!(still.known().values().iter().all(|&k| k == 0));

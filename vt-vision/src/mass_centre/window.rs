@@ -1,6 +1,6 @@
-//! What a window sees of a mass.
+//! A window, the mass centre in it and the clutter about it.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Point2, Vector2};
 use vt_core::frame::Roi;
 
 use crate::moments::Moments;
@@ -36,46 +36,19 @@ impl Window {
     pub fn area(&self) -> f64 {
         4.0 * self.half.x * self.half.y
     }
-
-    /// Covariance of places anywhere in it.
-    pub fn spread(&self) -> Matrix2<f64> {
-        Matrix2::from_diagonal(&self.half.map(|h| h * h / 3.0))
-    }
 }
 
-/// The mass in a window, less the clutter.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
-    /// Mean place of the mass.
-    pub centre: Point2<f64>,
-    /// Pixels of full weight, less those that the ring around it leads to expect.
-    pub mass: f64,
-    /// Weight of a pixel of the ring, 0 to 1.
-    pub clutter: f64,
-    /// Covariance of the places of the mass about their mean.
-    pub spread: Matrix2<f64>,
-    /// Covariance of the mean if pixels had independent errors as large as their weights.
-    pub noise: Matrix2<f64>,
-}
-
-impl Sight {
-    /// What a fixed window sees. `None` without mass beyond clutter.
-    pub fn at(plane: &Plane<u8>, window: &Window) -> Option<Self> {
-        let inner = intersection(plane.region(), window.pixels());
-        let clutter = around(plane, window, inner);
-        let (mass, centre) = less_clutter(plane, inner, clutter)?;
-        let (mut noise, mut spread) = (Matrix2::zeros(), Matrix2::zeros());
-        for y in inner.y..inner.y + inner.height {
-            for (x, &w) in (inner.x..).zip(plane.row(y, inner)) {
-                let w = f64::from(w) / 255.0 - clutter;
-                let d = Vector2::new(f64::from(x) - centre.x, f64::from(y) - centre.y);
-                let square = d * d.transpose();
-                spread += square * w;
-                noise += square * (w * w);
-            }
-        }
-        Some(Self { centre, mass, clutter, spread: spread / mass, noise: noise / (mass * mass) })
-    }
+/// Mean place of the mass in a window, less what the ring around it leads to expect. `None` without mass beyond that.
+pub(super) fn centre(plane: &Plane<u8>, window: &Window) -> Option<Point2<f64>> {
+    let inner = intersection(plane.region(), window.pixels());
+    let seen = Moments::of_plane(plane, inner);
+    let area = f64::from(inner.width) * f64::from(inner.height);
+    let (whole, taken) = (seen.mass() / 255.0, around(plane, window, inner) * area);
+    let middle = Point2::new(
+        f64::from(inner.x) + 0.5 * (f64::from(inner.width) - 1.0),
+        f64::from(inner.y) + 0.5 * (f64::from(inner.height) - 1.0),
+    );
+    (whole > taken).then_some(middle + (seen.centroid()? - middle) * (whole / (whole - taken)))
 }
 
 /// Mean weight, 0 to 1, on that side of a window which has least: others stand on some sides, clutter on all.
@@ -101,21 +74,4 @@ fn around(plane: &Plane<u8>, window: &Window, inner: Roi) -> f64 {
     let ring = area(outer) - area(inner);
     let mass = |r| Moments::of_plane(plane, r).mass();
     if ring > 0.0 { ((mass(outer) - mass(inner)) / (255.0 * ring)).max(0.0) } else { 0.0 }
-}
-
-/// Mass and centre of the pixels of a region when each has `clutter` less; `None` without mass.
-fn less_clutter(plane: &Plane<u8>, region: Roi, clutter: f64) -> Option<(f64, Point2<f64>)> {
-    let seen = Moments::of_plane(plane, region);
-    let area = f64::from(region.width) * f64::from(region.height);
-    let middle = Point2::new(
-        f64::from(region.x) + 0.5 * (f64::from(region.width) - 1.0),
-        f64::from(region.y) + 0.5 * (f64::from(region.height) - 1.0),
-    );
-    let (whole, taken) = (seen.mass() / 255.0, clutter * area);
-    let mass = whole - taken;
-    if mass <= 0.0 {
-        return None;
-    }
-    let from_middle = seen.centroid()? - middle;
-    Some((mass, middle + from_middle * (whole / mass)))
 }
