@@ -83,7 +83,7 @@ where
         Self { listed: true, ..self }
     }
 
-    /// The same, but a track that is lost starts again where the fused one is.
+    /// The same, but a track that is lost, or that is not where the fused one is, starts again there with what it knows of the object.
     #[must_use]
     pub fn with_feedback(self) -> Self {
         Self { feedback: true, ..self }
@@ -127,15 +127,30 @@ where
         report.assessment.log_det = self.fused.scaled_log_det(&self.scale);
     }
 
-    /// Tracks that are lost start again at the fused belief.
-    fn feed_back(&mut self, belief: &BeliefRecord) {
+    /// Tracks that are lost or elsewhere start again at the fused belief.
+    fn feed_back(&mut self) {
         for k in 0..self.targets.len() {
-            if !self.tracks[k].usable && self.targets[k].place(0, belief).is_ok() {
+            let astray = !self.tracks[k].usable || elsewhere(&self.tracks[k].posterior, &self.fused);
+            if astray && self.targets[k].restart(&self.fused).is_ok() {
                 self.tracks[k] = Track::at(self.fused.clone());
                 self.rule.rejoin(&self.tracks, k);
             }
         }
     }
+}
+
+/// Squared distance in deviations for each degree of freedom beyond which a track is not of the same object. What is fused
+/// shares the errors of its tracks: it may be no farther off than they know.
+const ELSEWHERE: f64 = 9.0;
+
+/// Whether a track is not where the fused one is, as far as it knows its own error; false where it knows none.
+fn elsewhere<P: Manifold>(track: &Gaussian<P>, fused: &Gaussian<P>) -> bool
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let apart = track.mean.local(&fused.mean);
+    let n = apart.len() as f64;
+    track.covariance.clone().cholesky().is_some_and(|c| apart.dot(&c.solve(&apart)) > ELSEWHERE * n)
 }
 
 impl<P: Coordinates> AnyTarget for FusedTarget<P>
@@ -202,7 +217,7 @@ where
         report.reinitialized = before == Status::Lost && self.tracks.iter().any(|t| t.restarted && t.usable);
         listed.clone_from_slice(&self.reports[..listed.len()]);
         if self.feedback && report.verdict.status == Status::Tracking {
-            self.feed_back(&report.posterior);
+            self.feed_back();
         }
     }
 

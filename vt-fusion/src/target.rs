@@ -309,6 +309,17 @@ where
         report.timings.measure += nanoseconds(start);
     }
 
+    /// Puts the target where another track of it is: trusted, with what it learnt in trusted steps.
+    pub(crate) fn restart(&mut self, belief: &Gaussian<P>) -> Result<(), EstimateError> {
+        self.estimator.reset(belief)?;
+        self.revert();
+        self.loss.reset();
+        self.unconfirmed = None;
+        self.status = Status::Tracking;
+        self.trusted.clone_from(belief);
+        Ok(())
+    }
+
     /// True when the target may be re-initialised in the step to come.
     fn searching(&self) -> bool {
         self.reinitializer.is_some() && self.status != Status::Tracking

@@ -1,23 +1,27 @@
 //! Mass centres as object-level measurements: where what moved, or what has the target's colour, is on average (paper Fig. 7).
 //!
-//! A [`MassSource`] gives every pixel near the prediction a weight. The [`MassCentreModality`] lets a window of the object's size slide to the
-//! mean place of the weights in it, takes off what a ring around it has (clutter has the same weight inside and outside),
-//! and hands over the place with a covariance that counts four errors ([`Sight::covariance`]). Nothing seen is **no
-//! measurement**. Poses with more than a place get information about the place alone.
+//! A [`MassSource`] gives every pixel near the prediction a weight. The [`MassCentreModality`] weighs all places that a window of the
+//! object's size may have within some deviations of the prediction ([`Places`]): by how much mass it has there, and by how
+//! near it is to the prediction. More mass than the object has is no better than as much, and no place is better than that at which the
+//! window comes to rest when it slides to the mean place of what is in it. So another mass that touches the object's makes
+//! the measurement uncertain along the line between them, one farther off does not draw it away, and nothing seen, or so much that the
+//! object may be anywhere, is **no measurement**. Poses with more than a place get information about the place alone.
 
 mod color;
 mod measurement;
 mod modality;
 mod motion;
 mod params;
-mod sight;
+mod places;
+mod window;
 
 pub use color::ColorMass;
 pub use measurement::CentreMeasurement;
 pub use modality::MassCentreModality;
 pub use motion::{MotionMass, MotionWeights};
 pub use params::MassCentreParams;
-pub use sight::{Sight, Window};
+pub use places::{MassLikelihood, Placed, Places};
+pub use window::Window;
 
 use vt_core::error::MeasureError;
 use vt_core::evidence::{Evidence, EvidenceKey};

@@ -43,11 +43,13 @@ pub struct MotionParams {
     pub compared: Compared,
     /// Age at which motion is forgotten.
     pub duration: Seconds,
+    /// Time after which what stands before the picture of what stood still is taken for part of it.
+    pub absorbed: Seconds,
 }
 
 impl Default for MotionParams {
     fn default() -> Self {
-        Self { threshold: 25, compared: Compared::default(), duration: Seconds(0.5) }
+        Self { threshold: 25, compared: Compared::default(), duration: Seconds(0.5), absorbed: Seconds(0.5) }
     }
 }
 
@@ -57,11 +59,12 @@ impl MotionParams {
     /// # Errors
     /// [`ConfigError::Parameter`] with the first that is out of its range.
     pub fn check(self) -> Result<Self, ConfigError> {
-        if self.duration.0 > 0.0 && self.duration.0.is_finite() {
-            Ok(self)
-        } else {
-            Err(ConfigError::parameter("duration", self.duration.0, "a positive number of seconds"))
+        for (key, Seconds(v)) in [("duration", self.duration), ("absorbed", self.absorbed)] {
+            if !(v > 0.0 && v.is_finite()) {
+                return Err(ConfigError::parameter(key, v, "a positive number of seconds"));
+            }
         }
+        Ok(self)
     }
 }
 
@@ -105,7 +108,7 @@ impl Motion {
             let changes = self.changes.reshape(region);
             difference(now, before, params.threshold, changes);
             self.history.update(&self.changes, frame.time, params.duration);
-            self.still.update(now, &self.history, frame.time);
+            self.still.update(now, &self.history, frame.time, params.threshold, params.absorbed);
             self.still.compare(now, params.threshold, self.mask.values_mut());
         } else {
             self.history.update(&self.mask, frame.time, params.duration);
@@ -143,8 +146,10 @@ impl MotionProcessing {
 
     /// Key under which the [`Motion`] is found.
     pub fn key_for(sensor: SensorId, params: &MotionParams) -> EvidenceKey {
-        let MotionParams { threshold, compared, duration } = params;
-        let name = format!("motion/threshold={threshold}/{compared:?}/duration={}", duration.0);
+        let MotionParams { threshold, compared, duration, absorbed } = params;
+        let (duration, absorbed) = (duration.0, absorbed.0);
+        let name =
+            format!("motion/threshold={threshold}/{compared:?}/duration={duration}/absorbed={absorbed}");
         EvidenceKey { sensor, name: name.into() }
     }
 }

@@ -13,7 +13,7 @@ use crate::roles::{FusionProduct, TrackRule};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Dynamic {
-    /// Whether a track that is lost starts again at the fused pose.
+    /// Whether a track that is lost, or not where the fused pose is, starts again there.
     pub feedback: bool,
 }
 
@@ -36,7 +36,7 @@ pub enum Criterion {
 pub struct Intersection {
     /// What the weights make smallest.
     pub criterion: Criterion,
-    /// Whether a track that is lost starts again at the fused pose.
+    /// Whether a track that is lost, or not where the fused pose is, starts again there.
     pub feedback: bool,
 }
 

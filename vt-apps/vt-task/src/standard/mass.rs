@@ -26,29 +26,35 @@ use crate::roles::{ModalityContext, ModalityProduct};
 pub struct Centre {
     /// Share of the object's box that its mass fills; what the first frame shows where that is known.
     pub share: f64,
-    /// Share of the expected mass below which nothing was seen.
-    pub least_share: f64,
-    /// Square pixels that share their error.
-    pub patch: f64,
+    /// Part of the expected mass that is as good as all of it: more may be another's.
+    pub enough: f64,
+    /// Log-likelihood that a place loses where all that mass is missing.
+    pub sharpness: f64,
+    /// Likelihood that the object is hidden, over that of a place with its mass.
+    pub hidden: f64,
+    /// Time in which the expected mass follows what is seen of the target by two thirds.
+    pub follows: Span,
     /// Error of the mass centre as the place of the object, as a standard deviation over the object's width and height.
     pub wobble: f64,
-    /// Size of the window over that of the object's box.
-    pub window: f64,
     /// Half size of the search, and of what is taken for the target, in predicted deviations.
     pub deviations: f64,
 }
 
 impl Default for Centre {
     fn default() -> Self {
-        let MassCentreParams { share, least_share, patch, wobble, window, deviations } = Default::default();
-        Self { share, least_share, patch, wobble, window, deviations }
+        let MassCentreParams { share, enough, sharpness, hidden, follows, wobble, deviations } =
+            Default::default();
+        // A finite number of a known unit always is a quantity.
+        let follows = Span::new(follows.0, "s").unwrap_or_default();
+        Self { share, enough, sharpness, hidden, follows, wobble, deviations }
     }
 }
 
 impl Centre {
     fn params(&self) -> Result<MassCentreParams, ConfigError> {
-        let Self { share, least_share, patch, wobble, window, deviations } = *self;
-        MassCentreParams { share, least_share, patch, wobble, window, deviations }.check()
+        let Self { share, enough, sharpness, hidden, follows, wobble, deviations } = *self;
+        let follows = Seconds(follows.si());
+        MassCentreParams { share, enough, sharpness, hidden, follows, wobble, deviations }.check()
     }
 
     fn modality<P: PlanarSpace, S: MassSource + 'static>(
@@ -97,6 +103,8 @@ pub struct MotionCentre {
     pub compared: Compared,
     /// Age at which motion is forgotten, and for which a pixel must stand still to be of the background.
     pub duration: Span,
+    /// Time after which what stands before the background is taken for part of it.
+    pub absorbed: Span,
     /// What has weight.
     pub weights: Weights,
     /// How the centre is measured.
@@ -107,8 +115,8 @@ impl Default for MotionCentre {
     fn default() -> Self {
         let (compared, weights) = Default::default();
         // A finite number of a known unit always is a quantity.
-        let duration = Span::new(2.0, "s").unwrap_or_default();
-        Self { threshold: 15, compared, duration, weights, centre: Centre::default() }
+        let [duration, absorbed] = [2.0, 10.0].map(|s| Span::new(s, "s").unwrap_or_default());
+        Self { threshold: 15, compared, duration, absorbed, weights, centre: Centre::default() }
     }
 }
 
@@ -119,7 +127,8 @@ impl MotionCentre {
             Compared::Three => motion::Compared::Three,
             Compared::Still => motion::Compared::Still,
         };
-        MotionParams { threshold: self.threshold, compared, duration: Seconds(self.duration.si()) }.check()
+        let [duration, absorbed] = [self.duration, self.absorbed].map(|s| Seconds(s.si()));
+        MotionParams { threshold: self.threshold, compared, duration, absorbed }.check()
     }
 }
 

@@ -1,10 +1,14 @@
 //! Colour alone, motion alone, and both in one filter or in two: the paper's Fig. 7 on real sequences with truth.
 
-use std::path::{Path, PathBuf};
+mod tracks;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use image::{Rgb, RgbImage};
+use rayon::prelude::*;
 use vt_core::frame::Frame;
 use vt_core::lie::picture_from_plane;
 use vt_core::metrics::Rectangle;
@@ -13,6 +17,8 @@ use vt_fusion::tracking::TrackingLoop;
 use vt_task::assembly::Scene;
 use vt_task::language::Choice;
 use vt_task::{Document, Registry, check};
+
+use tracks::Track;
 
 /// Mean error of the centre and lost frames of each way to fuse, and in how many of 1,000 resamples fusion has the least error. A target
 /// starts at the true box of its first frame; nothing is learnt from later truth, and all sequences have the same parameters.
@@ -30,12 +36,24 @@ struct Arguments {
     /// Frames of a block, which are drawn together: errors of neighbours are alike.
     #[arg(long, default_value_t = 10)]
     block: usize,
+    /// Targets that parameters are chosen on, instead of those that are judged.
+    #[arg(long)]
+    develop: bool,
+    /// Starts in the life of each target of development.
+    #[arg(long, default_value_t = 3)]
+    starts: usize,
+    /// Without dynamic fusion.
+    #[arg(long)]
+    quick: bool,
     /// Only targets with this in their name.
     #[arg(long)]
     only: Option<String>,
     /// Folder for pictures with the truth (green), colour (red), motion (blue), static (yellow) and dynamic (magenta, cyan) fusion.
     #[arg(long)]
     pictures: Option<PathBuf>,
+    /// Folder for tables of the errors, frame by frame.
+    #[arg(long)]
+    tables: Option<PathBuf>,
     /// Distance of the frames that are drawn.
     #[arg(long, default_value_t = 10)]
     every: usize,
@@ -54,53 +72,6 @@ const VARIANTS: [Variant; 5] = [
 
 const RESAMPLES: u64 = 1000;
 
-/// A target with its true boxes, frame by frame from its first.
-struct Track {
-    name: String,
-    /// Settings of its sensor, which starts with its first frame.
-    sensor: Vec<String>,
-    boxes: Vec<Option<Rectangle>>,
-}
-
-/// Fields of a line of numbers.
-fn fields(line: &str) -> Vec<f64> {
-    line.split([',', '\t', ' ']).filter_map(|w| w.trim().parse().ok()).collect()
-}
-
-fn crossing(data: &Path) -> Result<Track> {
-    let folder = data.join("sot/Crossing");
-    let text = std::fs::read_to_string(folder.join("groundtruth.txt"))?;
-    let boxes = text.lines().map(|line| match fields(line)[..] {
-        // Counted from 1.
-        [x, y, width, height] => Some(Rectangle { x: x - 1.0, y: y - 1.0, width, height }),
-        _ => None,
-    });
-    let sensor = vec![format!("sensors.camera.params.folder='{}'", folder.join("img").display())];
-    Ok(Track { name: "Crossing".into(), sensor, boxes: boxes.collect() })
-}
-
-/// The three identities that are seen longest. Frame `k` of the truth is the `k`-th of the video.
-fn pets(data: &Path) -> Result<Vec<Track>> {
-    let text = std::fs::read_to_string(data.join("mot/PETS09-S2L1/gt.txt"))?;
-    let mut all = std::collections::BTreeMap::<u64, Vec<(usize, Rectangle)>>::new();
-    for f in text.lines().map(fields).filter(|f| f.len() >= 6) {
-        let bounds = Rectangle { x: f[2] - 1.0, y: f[3] - 1.0, width: f[4], height: f[5] };
-        all.entry(f[1] as u64).or_default().push((f[0] as usize, bounds));
-    }
-    let mut longest: Vec<_> = all.into_iter().collect();
-    longest.sort_by_key(|(_, boxes)| core::cmp::Reverse(boxes.len()));
-    let video = data.join("pets/View_001.mp4");
-    let track = |(identity, boxes): (u64, Vec<(usize, Rectangle)>)| {
-        let (first, last) = (boxes.first()?.0, boxes.last()?.0);
-        let mut all = vec![None; last + 1 - first];
-        boxes.into_iter().for_each(|(frame, bounds)| all[frame - first] = Some(bounds));
-        let params = format!("{{file='{}', rate='7 Hz', start={}}}", video.display(), first - 1);
-        let sensor = vec!["sensors.camera.kind='video'".into(), format!("sensors.camera.params={params}")];
-        Some(Track { name: format!("PETS {identity}"), sensor, boxes: all })
-    };
-    Ok(longest.into_iter().take(3).filter_map(track).collect())
-}
-
 /// The sensor and the tracking loops of all variants of a target.
 fn loops(track: &Track, a: &Arguments) -> Result<(Scene, Vec<Document>)> {
     let Rectangle { x, y, width, height } = track.boxes[0].context("no first box")?;
@@ -111,12 +82,16 @@ fn loops(track: &Track, a: &Arguments) -> Result<(Scene, Vec<Document>)> {
     let document = Document::load(&a.task, &set)?;
     let registry = Registry::standard();
     let task = check(&document, &registry)?;
-    let variants = VARIANTS.iter().map(|(_, modalities, fusion, _)| {
+    let variants = VARIANTS.iter().take(if a.quick { 3 } else { 5 }).map(|(_, modalities, fusion, _)| {
         let mut task = task.clone();
         task.outputs.clear();
         let target = &mut task.targets[0];
         target.modalities = modalities.iter().map(|&k| target.modalities[k].clone()).collect();
-        target.fusion = Some(Choice { kind: (*fusion).to_owned(), ..Choice::of("") });
+        let mut fusion = Choice::of(fusion);
+        if fusion.kind != VARIANTS[0].2 {
+            fusion.params.insert("feedback".into(), true.into());
+        }
+        target.fusion = Some(fusion);
         Ok(Document::of(&task, document.base())?)
     });
     let variants = variants.collect::<Result<Vec<_>>>()?;
@@ -138,7 +113,7 @@ type Errors = [(f64, bool); VARIANTS.len()];
 /// What was measured of the motion and colours of one target.
 struct Outcome {
     errors: Vec<Errors>,
-    /// Sum of NIS and of degrees of freedom of the corrections.
+    /// Sum of NIS and of degrees of freedom of the corrections that kept the target.
     surprise: [[f64; 2]; VARIANTS.len()],
 }
 
@@ -156,16 +131,16 @@ fn follow(track: &Track, a: &Arguments) -> Result<Outcome> {
         for (v, tracking) in tracking.iter_mut().flatten().enumerate() {
             let report = tracking.step([frame.clone()])?.first().context("no report")?;
             ensure!(report.failure.is_none(), "{:?}", report.failure);
-            if let Some(innovation) = report.assessment.innovation {
-                out.surprise[v][0] += innovation.nis;
-                out.surprise[v][1] += innovation.dof as f64;
-            }
             let pose = picture_from_plane(&report.posterior).context("no flat pose")?;
             let (x, y) = (pose.m13, pose.m23);
             if let Some(t) = truth {
                 // Pixel centres are at whole coordinates, borders of boxes half a pixel off.
                 let apart = [x - (t.x + 0.5 * (t.width - 1.0)), y - (t.y + 0.5 * (t.height - 1.0))];
                 let outside = 2.0 * apart[0].abs() > t.width || 2.0 * apart[1].abs() > t.height;
+                if let Some(innovation) = report.assessment.innovation.filter(|_| !outside) {
+                    out.surprise[v][0] += innovation.nis;
+                    out.surprise[v][1] += innovation.dof as f64;
+                }
                 errors[v] = ((apart[0] * apart[0] + apart[1] * apart[1]).sqrt(), outside);
                 let own = Rectangle { x: x - 0.5 * t.width, y: y - 0.5 * t.height, ..*t };
                 draw(&mut picture, &own, VARIANTS[v].3);
@@ -224,7 +199,7 @@ fn print(name: &str, outcome: &Outcome, block: usize) {
         let wins = if v < 2 { String::new() } else { format!("  {:.3}", best(&blocks, v)) };
         // A rule without a filter of its own has no innovation; a measurement has two numbers.
         let nis = if dof > 0.0 {
-            format!("NIS {:.2} of 1, {:4.0} %", nis / dof, 50.0 * dof / frames as f64)
+            format!("NIS {:.2} of 1, {:4.0} %", nis / dof, 50.0 * dof / (frames - lost) as f64)
         } else {
             String::new()
         };
@@ -234,18 +209,29 @@ fn print(name: &str, outcome: &Outcome, block: usize) {
 
 fn main() -> Result<()> {
     let a = Arguments::parse();
-    let mut tracks = vec![crossing(&a.data)?];
-    tracks.extend(pets(&a.data)?);
+    ensure!(a.block > 0 && a.starts > 0, "nothing to do");
+    let mut tracks =
+        if a.develop { tracks::development(&a.data, a.starts)? } else { tracks::judged(&a.data)? };
     tracks.retain(|t| a.only.as_ref().is_none_or(|only| t.name.contains(only)));
-    ensure!(!tracks.is_empty() && a.block > 0, "nothing to do");
+    ensure!(!tracks.is_empty(), "no such target");
     println!(
-        "error of the centre, frames with the centre outside of the true box, NIS per degree of freedom,"
+        "error of the centre, frames with the centre outside of the true box; in the others NIS per degree"
     );
-    println!("measurements a frame; share of {RESAMPLES} resamples in which it is better than both modules");
+    println!(
+        "of freedom and measurements a frame; share of {RESAMPLES} resamples in which it is better than both modules"
+    );
+    let outcomes: Vec<Outcome> = tracks.par_iter().map(|t| follow(t, &a)).collect::<Result<_>>()?;
     let mut all = Outcome { errors: vec![], surprise: Default::default() };
-    for track in &tracks {
-        let outcome = follow(track, &a)?;
-        print(&track.name, &outcome, a.block);
+    for (track, outcome) in tracks.iter().zip(&outcomes) {
+        print(&track.name, outcome, a.block);
+        if let Some(folder) = &a.tables {
+            let mut table = String::new();
+            for e in &outcome.errors {
+                e.iter().try_for_each(|(error, _)| write!(table, "{error:.1},"))?;
+                table.push('\n');
+            }
+            std::fs::write(folder.join(format!("{}.csv", track.name.replace(' ', "-"))), table)?;
+        }
         all.errors.extend(&outcome.errors);
         for (sum, part) in all.surprise.iter_mut().zip(outcome.surprise) {
             *sum = [sum[0] + part[0], sum[1] + part[1]];
