@@ -68,7 +68,7 @@ impl Basin {
     /// When there is no such frame or the step fails.
     pub fn try_start(&self, number: u64, start: &SE3, sigma: [f64; 2]) -> Result<Outcome> {
         let frame = self.frames.iter().find(|f| f.number == number).context("no such frame")?;
-        let truth = self.truth.0.get(&number).context("no truth of this frame")?;
+        let truth = self.truth.poses.get(&number).context("no truth of this frame")?;
         let (t, q) = (start.translation, start.rotation.coords);
         let init = format!(
             "targets.{}.init={{ kind = \"pose\", params = {{ camera_from_object = {{ translation = [\"{} m\", \"{} m\", \

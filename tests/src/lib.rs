@@ -3,8 +3,10 @@
 pub mod basin;
 pub mod data;
 pub mod estimators;
+pub mod flat;
 pub mod logistic;
 pub mod monte_carlo;
+pub mod planar;
 pub mod replay;
 pub mod sot;
 

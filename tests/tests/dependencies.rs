@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 fn allowed() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
-    let table: [(&str, &[&str]); 11] = [
+    let table: [(&str, &[&str]); 12] = [
         ("vt-core", &[]),
         ("vt-models", &["vt-core"]),
         ("vt-vision", &["vt-core", "vt-models"]),
@@ -28,6 +28,7 @@ fn allowed() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
                 "vt-task",
             ],
         ),
+        ("vt-benches", &[]),
     ];
     table.into_iter().map(|(name, on)| (name, on.iter().copied().collect())).collect()
 }

@@ -249,7 +249,7 @@ fn castle_converges_from_far_starts() {
             let offset = Vector6::from_fn(|d, _| {
                 (2.0 * random.uniform() - 1.0) * if d < 3 { translation } else { rotation }
             });
-            let outcome = basin.try_start(number, &basin.truth.0[&number].retract(&offset), sigma);
+            let outcome = basin.try_start(number, &basin.truth.poses[&number].retract(&offset), sigma);
             outcome.expect("a step").converged()
         };
         (0..n).filter(|&k| start(k)).count()

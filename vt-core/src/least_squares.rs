@@ -205,7 +205,7 @@ impl LeastSquares {
         DefaultAllocator: Alloc<P::D>,
     {
         let spectrum = Spectrum::new(&data.information, self.rank_tolerance);
-        let all = spectrum.unobservable().is_empty();
+        let all = spectrum.unobservable().len() == 0;
         let information = if all { data.information.clone() } else { spectrum.information() };
         let (covariance, posterior_information) = match whitened {
             None => (spectrum.covariance(), Some(information.clone())),
@@ -216,7 +216,7 @@ impl LeastSquares {
             covariance,
             information,
             posterior_information,
-            unobservable: spectrum.unobservable().to_vec(),
+            unobservable: spectrum.unobservable().collect(),
             cost: data.cost,
             prior_cost: whitened.map_or(0.0, Whitened::cost),
             rows: data.rows,

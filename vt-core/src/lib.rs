@@ -17,6 +17,8 @@ pub mod math;
 pub mod measurement;
 pub mod measurement_model;
 pub mod metrics;
+#[cfg(feature = "image")]
+pub mod picture_pool;
 pub mod pose_measurement;
 pub mod random;
 pub mod report;

@@ -484,7 +484,7 @@ fn unobservable<P: Manifold>(
     }
     let locked = LOCKED * covariance.diagonal().max();
     for null in Spectrum::new(&data.information, RANK_TOLERANCE).unobservable() {
-        if null.dot(&(&covariance * null)) > locked {
+        if null.dot(&(&covariance * &null)) > locked {
             out.extend(null.component_mul(scale).normalize().iter());
         }
     }

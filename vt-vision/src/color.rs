@@ -6,7 +6,7 @@ use vt_core::error::MeasureError;
 use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Payload, Roi, SensorId};
 
-use crate::plane::{Plane, clip};
+use crate::plane::{Plane, area, clip};
 
 /// Adding this to a number below 2^22 leaves the nearest integer in the lowest bits of the sum.
 const ROUND: f32 = 8_388_608.0;
@@ -96,7 +96,10 @@ impl Hsv {
     pub fn compute(&mut self, image: &RgbImage, roi: Option<Roi>, range: HueRange) {
         let region = clip(roi, image.dimensions(), 0);
         let width = region.width as usize;
-        let planes = [&mut self.hue, &mut self.saturation, &mut self.value].map(|p| p.reshape(region));
+        let planes = [&mut self.hue, &mut self.saturation, &mut self.value].map(|p| {
+            p.reserve(area(image.dimensions()));
+            p.reshape(region)
+        });
         if width == 0 {
             return;
         }

@@ -9,7 +9,7 @@ use vt_core::frame::Roi;
 use vt_core::math;
 
 use crate::color::rows;
-use crate::plane::{Plane, clip};
+use crate::plane::{Plane, area, clip};
 
 /// Why two classes cannot be told apart.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -255,6 +255,7 @@ impl ColorPosterior {
         let bytes = (0..STEPS).map(|k| (255.0 * discriminant.posterior(score(k))).round() as u8);
         self.table.extend(bytes);
         let region = clip(roi, image.dimensions(), 0);
+        out.reserve(area(image.dimensions()));
         let values = out.reshape(region);
         let [r, g, b] = [0, 1, 2].map(|k| (direction[k] / step) as f32);
         let offset = 0.5 - (low / step) as f32;

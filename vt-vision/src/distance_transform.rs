@@ -7,11 +7,14 @@ use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::canny::{Canny, CannyEvidence, CannyParams};
-use crate::plane::Plane;
+use crate::plane::{Plane, reserve};
 use crate::turns::Turns;
 
 /// Rows without a marked pixel in a column.
 const NONE: u16 = u16::MAX;
+
+/// Columns that there is room for from the start.
+const WIDTH: usize = 4096;
 
 /// Distances to marked pixels.
 #[derive(Clone, Debug, Default)]
@@ -41,14 +44,21 @@ impl DistanceTransform {
         let (width, height) = (region.width as usize, region.height as usize);
         let fits = width < usize::from(NONE) && height < usize::from(NONE);
         let region = if fits { region } else { Roi { width: 0, height: 0, ..region } };
+        let most = mask.capacity();
+        self.distance.reserve(most);
+        self.nearest.reserve(most);
+        reserve(&mut self.rows, most);
         let (distance, nearest) = (self.distance.reshape(region), self.nearest.reshape(region));
         if distance.is_empty() {
             return;
         }
         columns(mask.values(), width, &mut self.rows);
-        if self.inverse.len() < width {
-            self.inverse = (0..width.max(1)).map(|d| 0.5 / d.max(1) as f64).collect();
+        let known = self.inverse.len();
+        if known < width {
+            self.inverse.extend((known..width.max(WIDTH)).map(|d| 0.5 / d.max(1) as f64));
         }
+        reserve(&mut self.envelope.columns, self.inverse.len());
+        reserve(&mut self.envelope.starts, self.inverse.len());
         let lines = self.rows.chunks_exact(width).zip(distance.chunks_exact_mut(width));
         for (y, ((rows, distance), nearest)) in lines.zip(nearest.chunks_exact_mut(width)).enumerate() {
             self.envelope.build(rows, y, &self.inverse);

@@ -8,6 +8,7 @@ use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::gradient::Gradient;
 use crate::noise::noise_deviation;
+use crate::plane::{area, reserve};
 use crate::turns::Turns;
 
 /// An edge pixel must exceed the noise by this factor; Sobel's mask answers to noise of one grey level with 0.87.
@@ -58,6 +59,7 @@ impl EdgeMap {
         self.gradient.compute(image, roi);
         self.region = self.gradient.region;
         self.cells.clear();
+        reserve(&mut self.cells, area(image.dimensions()));
         let Some(r) = self.region else { return };
         let (width, height) = (r.width as usize, r.height as usize);
         self.cells.resize(width * height, Cell::default());

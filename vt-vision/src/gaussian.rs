@@ -6,7 +6,7 @@ use vt_core::error::ConfigError;
 use vt_core::frame::Roi;
 use vt_core::math;
 
-use crate::plane::{Plane, clip, grown};
+use crate::plane::{Plane, area, clip, grown, reserve};
 
 /// Longest half of a kernel, pixels.
 const MOST_REACH: u32 = 64;
@@ -99,6 +99,7 @@ impl Blur {
         out: &mut Plane<T>,
     ) {
         let region = clip(roi, image.dimensions(), 0);
+        out.reserve(area(image.dimensions()));
         let values = out.reshape(region);
         if region.width > 0 {
             self.rows(image, region, kernel, values, region.width as usize);
@@ -129,6 +130,9 @@ impl Blur {
     ) {
         let reach = kernel.reach() as usize;
         let (width, taps) = (region.width as usize, 2 * reach + 1);
+        let most = image.width() as usize;
+        reserve(&mut self.padded, most + 2 * reach);
+        reserve(&mut self.ring, most * taps);
         self.padded.resize(width + 2 * reach, 0.0);
         self.ring.resize(width * taps, 0.0);
         let (ring, padded) = (&mut self.ring[..width * taps], &mut self.padded[..width + 2 * reach]);

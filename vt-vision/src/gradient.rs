@@ -6,7 +6,7 @@ use vt_core::error::MeasureError;
 use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
 
-use crate::plane::clip;
+use crate::plane::{area, clip, reserve};
 
 /// Sobel gradients over a region; a step of `h` grey levels along an axis answers with `4 h`.
 #[derive(Clone, Debug, Default)]
@@ -26,7 +26,7 @@ impl Gradient {
     /// Computes the gradient of `image` inside `roi`, or everywhere; the outermost pixels of the picture have none.
     pub fn compute(&mut self, image: &GrayImage, roi: Option<Roi>) {
         let region = clip(roi, image.dimensions(), 1);
-        self.resize(region);
+        self.resize(region, image.dimensions());
         let Some(r) = self.region else { return };
         let (stride, width) = (image.width() as usize, r.width as usize);
         let pixels = image.as_raw();
@@ -37,8 +37,10 @@ impl Gradient {
         }
     }
 
-    /// Makes room for a region; the values are whatever they are.
-    pub(crate) fn resize(&mut self, region: Roi) {
+    /// Makes room for a region of a picture of `size`; the values are whatever they are.
+    pub(crate) fn resize(&mut self, region: Roi, size: (u32, u32)) {
+        reserve(&mut self.x, area(size));
+        reserve(&mut self.y, area(size));
         let count = region.width as usize * region.height as usize;
         self.region = (count > 0).then_some(region);
         self.x.resize(count, 0);

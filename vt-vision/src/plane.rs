@@ -50,12 +50,32 @@ impl<T: Copy + Default> Plane<T> {
         &self.values[start + (part.x - self.region.x) as usize..][..part.width as usize]
     }
 
+    /// Makes room for so many values in all, those of a whole picture, so that regions which grow take no memory later.
+    pub fn reserve(&mut self, count: usize) {
+        reserve(&mut self.values, count);
+    }
+
+    /// Number of values that there is room for.
+    pub fn capacity(&self) -> usize {
+        self.values.capacity()
+    }
+
     /// Makes room for a region and lends all values, whatever they are, to be written.
     pub fn reshape(&mut self, region: Roi) -> &mut [T] {
         self.region = region;
         self.values.resize(region.width as usize * region.height as usize, T::default());
         &mut self.values
     }
+}
+
+/// Makes room for so many values in all.
+pub(crate) fn reserve<T>(values: &mut Vec<T>, count: usize) {
+    values.reserve(count.saturating_sub(values.len()));
+}
+
+/// Number of pixels of a picture.
+pub(crate) fn area((width, height): (u32, u32)) -> usize {
+    width as usize * height as usize
 }
 
 /// The part of `roi`, or of a picture of `size` pixels without one, that keeps `margin` pixels from the picture's border.

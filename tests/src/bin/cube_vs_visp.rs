@@ -91,7 +91,7 @@ fn main() -> Result<()> {
     let (mut compared, mut near, mut steeper) = (0, 0, 0);
     println!("| frame | mm apart | deg apart | steepness ours | ViSP |\n|---|---|---|---|---|");
     for (frame, report) in replay.frames().iter().zip(&run.reports) {
-        let Some(visp) = theirs.0.get(&frame.number) else { continue };
+        let Some(visp) = theirs.poses.get(&frame.number) else { continue };
         let ours = report.posterior.get::<SE3>().context("not a rigid pose")?.mean;
         let millimetres = 1e3 * (ours.translation - visp.translation).norm();
         let degrees = ours.rotation.angle_to(&visp.rotation).to_degrees();

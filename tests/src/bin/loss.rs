@@ -1,5 +1,7 @@
 //! Loss detection of the edge tracker on random scenes: fits the weights on some bodies and judges them on others.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -43,6 +45,9 @@ struct Arguments {
     /// Plot of the curves, PNG or SVG.
     #[arg(long)]
     plot: Option<PathBuf>,
+    /// File for errors and signs of every frame, of all bodies.
+    #[arg(long)]
+    csv: Option<PathBuf>,
 }
 
 const DISTURBANCES: [(Disturbance, &str); 6] = [
@@ -83,6 +88,19 @@ fn lost(r: &Record) -> Option<bool> {
         () if r.relative > 0.1 || turned => Some(true),
         () => (r.relative < 0.05).then_some(false),
     }
+}
+
+/// A line for every frame that has signs: errors as a share of the diameter and in degrees, then the signs.
+fn write_signs(out: &mut impl Write, part: &str, runs: &Runs) -> Result<()> {
+    for (disturbance, runs) in runs {
+        for (run, r) in runs.iter().enumerate().flat_map(|(k, run)| run.iter().map(move |r| (k, r))) {
+            let Some(s) = LossSigns::new(&r.assessment) else { continue };
+            let degrees = r.error.rotation.to_degrees();
+            write!(out, "{part},{disturbance},{run},{},{:.5},{degrees:.4},", r.frame, r.relative)?;
+            writeln!(out, "{},{},{},{},{}", s.unsupported, s.log_ratio, s.misfit, s.surprise, s.spread)?;
+        }
+    }
+    Ok(())
 }
 
 /// Draws of every scene the lost frame that looks least like a loss.
@@ -195,14 +213,23 @@ fn table(title: &str, weights: LossWeights, runs: &Runs) -> Vec<Curve> {
 fn main() -> Result<()> {
     let a = Arguments::parse();
     let mut weights = LossWeights::default();
+    let mut csv = a.csv.as_ref().map(File::create).transpose()?.map(BufWriter::new);
+    if let Some(out) = &mut csv {
+        writeln!(
+            out,
+            "part,disturbance,run,frame,relative,degrees,unsupported,log_ratio,misfit,surprise,spread"
+        )?;
+    }
     if !a.judge_only {
         let examples = runs(FITTED, a.fit_from, &a)?;
+        csv.iter_mut().try_for_each(|out| write_signs(out, "fit", &examples))?;
         table("in use, on the bodies of the fit", weights, &examples);
         weights = fitted(&examples)?;
         println!("{weights:#?}");
         table("fitted, on the bodies of the fit", weights, &examples);
     }
     let judged = runs(JUDGED, a.judge_from, &a)?;
+    csv.iter_mut().try_for_each(|out| write_signs(out, "judged", &judged))?;
     let mut curves = table("in use, on other bodies and scenes", LossWeights::default(), &judged);
     if weights != LossWeights::default() {
         curves = table("fitted, on other bodies and scenes", weights, &judged);

@@ -4,15 +4,20 @@ use core::fmt::Write;
 use core::ops::ControlFlow;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::Point2;
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
 use vt_core::lie::picture_from_plane;
+use vt_core::metrics::Rectangle;
+use vt_core::report::StepReport;
 
 use crate::files::{Lines, of_target};
 
-/// Corners of a flat model's bounds in its own units, in order around it; `None` for bodies in space.
-pub type Bounds = Option<[Point2<f64>; 4]>;
+/// Four corners in order around them.
+pub type Corners = [Point2<f64>; 4];
+
+/// Corners of a flat model's bounds in its own units; `None` for bodies in space.
+pub type Bounds = Option<Corners>;
 
 /// What is written of the corners' images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,27 +58,32 @@ impl PlanarFile {
     }
 }
 
-/// Images of the corners.
-fn project(m: &Matrix3<f64>, corners: &[Point2<f64>; 4]) -> Option<[Point2<f64>; 4]> {
-    let images = corners.map(|p| m * p.to_homogeneous());
+/// Images of the corners; `None` for bodies in space and where a corner has none.
+pub fn seen(report: &StepReport, bounds: &Bounds) -> Option<Corners> {
+    let m = picture_from_plane(&report.posterior)?;
+    let images = bounds.as_ref()?.map(|p| m * p.to_homogeneous());
     images.iter().all(|h| h.z > 0.0).then(|| images.map(|h| Point2::new(h.x / h.z, h.y / h.z)))
+}
+
+/// The upright box around corners.
+pub fn around(corners: &Corners) -> Rectangle {
+    let (low, high) = corners.iter().fold((corners[0], corners[0]), |(a, b), p| (a.inf(p), b.sup(p)));
+    Rectangle { x: low.x, y: low.y, width: high.x - low.x, height: high.y - low.y }
 }
 
 impl Output for PlanarFile {
     fn step(&mut self, step: &Step<'_>) -> Result<ControlFlow<()>, DeviceError> {
         for ((lines, bounds), report) in self.targets.iter_mut().zip(step.reports) {
-            let Some(bounds) = bounds else { continue };
-            let p = picture_from_plane(&report.posterior)
-                .and_then(|m| project(&m, bounds))
-                .unwrap_or([Point2::new(f64::NAN, f64::NAN); 4]);
+            if bounds.is_none() {
+                continue;
+            }
+            let p = seen(report, bounds).unwrap_or([Point2::new(f64::NAN, f64::NAN); 4]);
             let out = lines.buffer();
             match self.form {
                 Form::Boxes => {
-                    let (low, high) = p[1..].iter().fold((p[0], p[0]), |(a, b), p| (a.inf(p), b.sup(p)));
-                    let size = high - low;
+                    let Rectangle { x, y, width, height } = around(&p);
                     // Pixels have their centre at whole coordinates, their borders half a pixel off.
-                    let _ =
-                        writeln!(out, "{:.2},{:.2},{:.2},{:.2}", low.x + 0.5, low.y + 0.5, size.x, size.y);
+                    let _ = writeln!(out, "{:.2},{:.2},{width:.2},{height:.2}", x + 0.5, y + 0.5);
                 }
                 Form::Corners => {
                     let numbers = p.iter().flat_map(|p| [p.x, p.y]).map(|v| format!("{v:.3}"));

@@ -2,6 +2,8 @@
 
 pub mod boxes;
 pub mod canvas;
+#[cfg(feature = "opencv")]
+pub mod capture;
 pub mod covariances;
 pub mod files;
 pub mod gif;

@@ -121,7 +121,7 @@ mod tests {
         let times = crate::timestamps::read(&dir.path().join("timestamps.txt")).unwrap();
         assert_eq!(times[1], (Some(7), Timestamp(233_333_333)));
         let truth = Truth::read_tum(&truth(dir.path(), &objects, 0)).unwrap();
-        assert!((truth.0[&7].to_matrix() - poses[0].to_matrix()).norm() < 1e-8);
+        assert!((truth.poses[&7].to_matrix() - poses[0].to_matrix()).norm() < 1e-8);
         let visible = std::fs::read_to_string(dir.path().join("visible.csv")).unwrap();
         assert_eq!(visible, "frame,a_b,c\n0,1.0000,0.2500\n7,1.0000,0.2500\n");
         let again = Recording::create(dir.path(), &objects).err().unwrap();

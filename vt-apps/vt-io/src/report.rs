@@ -75,9 +75,11 @@ fn scaled(values: &[f64], factor: f64) -> Option<Statistics> {
 fn target(t: &TargetSummary) -> Value {
     let errors = t.truth().map(|_| {
         json!({
-            "compared": t.translation_errors.len(),
+            "compared": t.translation_errors.len().max(t.centre_errors.len()),
             "translation_mm": scaled(&t.translation_errors, 1e3),
             "rotation_deg": scaled(&t.rotation_errors, 180.0 / core::f64::consts::PI),
+            "centre_px": Statistics::of(&t.centre_errors),
+            "overlap": Statistics::of(&t.overlaps),
         })
     });
     json!({

@@ -52,7 +52,7 @@ impl Sample {
         let quality = report.assessment.quality;
         let t = &report.timings;
         let total = t.predict + t.measure + t.correct + t.assess + t.reinitialize;
-        let truth = truth.and_then(|t| t.0.get(&report.frame));
+        let truth = truth.and_then(|t| t.poses.get(&report.frame));
         let error = pose(report).zip(truth).map(|(p, t)| PoseError::new(&p, t));
         let [position, rotation] = deviations(report);
         let mut figures = [f64::NAN; FIGURES];

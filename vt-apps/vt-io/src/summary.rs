@@ -8,6 +8,7 @@ use vt_core::agent::Step;
 use vt_core::lie::SE3;
 use vt_core::report::{Status, StepReport};
 
+use crate::boxes::{Bounds, around, seen};
 use crate::truth::Truth;
 
 /// Mean, median, 95 % and largest of some values.
@@ -54,9 +55,14 @@ pub struct TargetSummary {
     pub translation_errors: Vec<f64>,
     /// Angle from the true orientation in radians, of the same steps.
     pub rotation_errors: Vec<f64>,
+    /// Distance in pixels between the centres of the upright boxes around a flat shape and around its truth, of the same steps.
+    pub centre_errors: Vec<f64>,
+    /// Overlap of these boxes, intersection over union.
+    pub overlaps: Vec<f64>,
     /// Time for tracking in seconds, each step, without outputs.
     pub seconds: Vec<f64>,
     truth: Option<Truth>,
+    bounds: Bounds,
 }
 
 /// Figures of a run.
@@ -72,9 +78,9 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// An empty summary of these targets, with truth where it is known.
-    pub fn new(targets: impl IntoIterator<Item = (String, Option<Truth>)>) -> Self {
-        let target = |(name, truth)| TargetSummary { name, truth, ..Default::default() };
+    /// An empty summary of these targets, with truth where it is known, and with the bounds of those that are flat.
+    pub fn new(targets: impl IntoIterator<Item = (String, Option<Truth>, Bounds)>) -> Self {
+        let target = |(name, truth, bounds)| TargetSummary { name, truth, bounds, ..Default::default() };
         Self {
             steps: 0,
             targets: targets.into_iter().map(target).collect(),
@@ -105,15 +111,21 @@ impl TargetSummary {
         self.failures += usize::from(report.failure.is_some());
         let t = &report.timings;
         self.seconds.push((t.predict + t.measure + t.correct + t.assess + t.reinitialize) as f64 * 1e-9);
-        let truth = self.truth.as_ref().and_then(|t| t.0.get(&report.frame));
-        if let (Some(truth), Some(pose), true) = (truth, pose(report), report.verdict.status != Status::Lost)
-        {
+        let Some(truth) = self.truth.as_ref().filter(|_| report.verdict.status != Status::Lost) else {
+            return;
+        };
+        if let Some((truth, pose)) = truth.poses.get(&report.frame).zip(pose(report)) {
             self.translation_errors.push((truth.translation - pose.translation).norm());
             self.rotation_errors.push(truth.rotation.angle_to(&pose.rotation));
         }
+        if let Some((truth, corners)) = truth.corners.get(&report.frame).zip(seen(report, &self.bounds)) {
+            let [truth, found] = [truth, &corners].map(around);
+            self.centre_errors.push(truth.centre_error(&found));
+            self.overlaps.push(truth.iou(&found));
+        }
     }
 
-    /// True poses, where they are known.
+    /// What is true, where that is known.
     pub fn truth(&self) -> Option<&Truth> {
         self.truth.as_ref()
     }

@@ -3,17 +3,80 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Matrix6, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Point2, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use vt_core::error::DeviceError;
 use vt_core::file::MOST;
 use vt_core::lie::SE3;
 use vt_core::manifold::Coordinates;
 
-/// True poses, camera_from_object in metres, by frame number.
+use crate::boxes::Corners;
+
+/// What is true of a target, by frame number.
 #[derive(Clone, Debug, Default)]
-pub struct Truth(pub BTreeMap<u64, SE3>);
+pub struct Truth {
+    /// Poses of a body, camera_from_object in metres.
+    pub poses: BTreeMap<u64, SE3>,
+    /// Images of the corners of a flat shape's bounds, in order around them, pixels.
+    pub corners: BTreeMap<u64, Corners>,
+}
 
 impl Truth {
+    /// That of a body.
+    pub fn of_poses(poses: BTreeMap<u64, SE3>) -> Self {
+        Self { poses, ..Self::default() }
+    }
+
+    /// That of a flat shape.
+    pub fn of_corners(corners: BTreeMap<u64, Corners>) -> Self {
+        Self { corners, ..Self::default() }
+    }
+
+    /// Reads `x y width height` lines, a box a frame from the number `first` on: `(x, y)` is its first pixel.
+    ///
+    /// # Errors
+    /// [`DeviceError`] that names the file and the line.
+    pub fn read_boxes(path: &Path, first: u64) -> Result<Self, DeviceError> {
+        let corners = |v: &[f64]| {
+            // Pixels have their centre at whole coordinates, their borders half a pixel off.
+            let (x, y, right, bottom) = (v[0] - 0.5, v[1] - 0.5, v[0] + v[2] - 0.5, v[1] + v[3] - 0.5);
+            [(x, y), (right, y), (right, bottom), (x, bottom)].map(|(x, y)| Point2::new(x, y))
+        };
+        Self::read_planar(path, first, "x y width height", 4, corners)
+    }
+
+    /// Reads `x1 y1 x2 y2 x3 y3 x4 y4` lines, the corners of a frame from the number `first` on, whole numbers at pixel centres.
+    ///
+    /// # Errors
+    /// [`DeviceError`] that names the file and the line.
+    pub fn read_corners(path: &Path, first: u64) -> Result<Self, DeviceError> {
+        let corners = |v: &[f64]| core::array::from_fn(|k| Point2::new(v[2 * k], v[2 * k + 1]));
+        Self::read_planar(path, first, "x1 y1 x2 y2 x3 y3 x4 y4", 8, corners)
+    }
+
+    /// Lines of `n` numbers, called `what`; those that are not finite say that a frame has no truth.
+    fn read_planar(
+        path: &Path,
+        first: u64,
+        what: &str,
+        n: usize,
+        corners: impl Fn(&[f64]) -> Corners,
+    ) -> Result<Self, DeviceError> {
+        let mut out = BTreeMap::new();
+        for (frame, (line, v)) in (first..).zip(numbers(path)?) {
+            if v.len() != n {
+                let why = format!("line {line}: {} numbers; expected {n}: {what}", v.len());
+                return Err(DeviceError::new(path.display(), why));
+            }
+            if v.iter().all(|v| v.is_finite()) {
+                out.insert(frame, corners(&v));
+            }
+        }
+        if out.is_empty() {
+            return Err(DeviceError::new(path.display(), format!("no frames; expected lines of {what}")));
+        }
+        Ok(Self::of_corners(out))
+    }
+
     /// Reads `frame tx ty tz qx qy qz qw` lines (blanks or commas between the numbers, `#` starts a comment).
     ///
     /// # Errors
@@ -31,7 +94,7 @@ impl Truth {
                 return Err(fail(format!("another pose of frame {frame}; expected one")));
             }
         }
-        Ok(Self(poses))
+        Ok(Self::of_poses(poses))
     }
 
     /// Reads a folder of text files with a 4×4 matrix each; the last number of a file's name is its frame.
@@ -57,7 +120,7 @@ impl Truth {
             let why = "no poses; expected text files with a number in the name and a 4x4 matrix inside";
             return Err(DeviceError::new(folder.display(), why));
         }
-        Ok(Self(poses))
+        Ok(Self::of_poses(poses))
     }
 }
 
@@ -68,7 +131,7 @@ impl Truth {
 /// [`DeviceError`] that names the file and the line; a frame that comes twice is an error.
 pub fn read_estimates(path: &Path) -> Result<BTreeMap<u64, Option<SE3>>, DeviceError> {
     if path.is_dir() {
-        let poses = Truth::read_matrices(path)?.0;
+        let poses = Truth::read_matrices(path)?.poses;
         return Ok(poses.into_iter().map(|(frame, pose)| (frame, Some(pose))).collect());
     }
     let mut estimates = BTreeMap::new();
@@ -225,16 +288,36 @@ mod tests {
     }
 
     #[test]
+    fn boxes_and_corners_are_read_by_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("truth.txt");
+        std::fs::write(&file, "10,20,4,2\nnan,nan,nan,nan\n11\t20\t4\t2\n").unwrap();
+        let truth = Truth::read_boxes(&file, 1).unwrap();
+        assert_eq!(truth.corners.keys().collect::<Vec<_>>(), [&1, &3]);
+        assert_eq!(
+            truth.corners[&1],
+            [(9.5, 19.5), (13.5, 19.5), (13.5, 21.5), (9.5, 21.5)].map(|(x, y)| Point2::new(x, y))
+        );
+        assert!(
+            Truth::read_corners(&file, 1).unwrap_err().to_string().contains("line 1: 4 numbers; expected 8")
+        );
+        std::fs::write(&file, "1 2 3 4 5 6 7 8\n").unwrap();
+        assert_eq!(Truth::read_corners(&file, 0).unwrap().corners[&0][3], Point2::new(7.0, 8.0));
+        std::fs::write(&file, "nan nan nan nan\n").unwrap();
+        assert!(Truth::read_boxes(&file, 0).unwrap_err().to_string().contains("no frames"));
+    }
+
+    #[test]
     fn truth_is_read_by_frame_number() {
         let dir = tempfile::tempdir().unwrap();
         let eye = "1 0 0 0.1\n0 1 0 0.2\n0 0 1 0.3\n0 0 0 1\n";
         std::fs::write(dir.path().join("Camera_007.txt"), eye).unwrap();
         std::fs::write(dir.path().join("notes.md"), "nothing").unwrap();
         let truth = Truth::read_matrices(dir.path()).unwrap();
-        assert_eq!(truth.0[&7].translation, Vector3::new(0.1, 0.2, 0.3));
+        assert_eq!(truth.poses[&7].translation, Vector3::new(0.1, 0.2, 0.3));
         let tum = dir.path().join("t.tum");
         std::fs::write(&tum, "# x\n7 0.1 0.2 0.3 0 0 0 1\n8 0 0 0 0 0 0 1\n").unwrap();
-        assert_eq!(Truth::read_tum(&tum).unwrap().0.keys().collect::<Vec<_>>(), [&7, &8]);
+        assert_eq!(Truth::read_tum(&tum).unwrap().poses.keys().collect::<Vec<_>>(), [&7, &8]);
         std::fs::write(&tum, "7 0.1 0.2\n").unwrap();
         assert!(Truth::read_tum(&tum).unwrap_err().to_string().contains("line 1: 3 numbers"));
         std::fs::write(&tum, "7 nan 0 0 0 0 0 1\n").unwrap();

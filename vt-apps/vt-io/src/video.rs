@@ -2,15 +2,14 @@
 
 mod pipe;
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use image::{GrayImage, RgbImage};
+use image::{Luma, Rgb};
 use serde::Deserialize;
 use vt_core::agent::Sensor;
 use vt_core::error::DeviceError;
 use vt_core::frame::{Frame, Payload, SensorId};
+use vt_core::picture_pool::PicturePool;
 use vt_core::time::Timestamp;
 
 use crate::images::Conversion;
@@ -64,6 +63,8 @@ pub struct Video {
     /// Number after the last frame that is wanted.
     end: u64,
     ended: bool,
+    grey: PicturePool<Luma<u8>>,
+    rgb: PicturePool<Rgb<u8>>,
 }
 
 /// What a file is said to contain.
@@ -140,8 +141,9 @@ impl Video {
         let after = ["-map", "0:v:0", "-vf", &select, "-fps_mode", "passthrough", "-f", "rawvideo"];
         let exact = ["-sws_flags", "bitexact+accurate_rnd", "-pix_fmt", format, "pipe:1"];
         let pipe = Pipe::start(&settings.programs.ffmpeg, path, &before, &[&after[..], &exact].concat())?;
-        let next = settings.start;
-        Ok(Self { id, path: path.into(), settings, contents, pipe, next, end, ended: false })
+        let (next, ended, grey, rgb) =
+            (settings.start, false, PicturePool::default(), PicturePool::default());
+        Ok(Self { id, path: path.into(), settings, contents, pipe, next, end, ended, grey, rgb })
     }
 
     /// Columns and rows.
@@ -160,14 +162,18 @@ impl Video {
         }
     }
 
-    /// The pixels of the next frame; `None` at the end of the stream.
-    fn read(&mut self) -> Result<Option<Vec<u8>>, DeviceError> {
-        let [w, h] = self.contents.size;
-        let channels = if self.settings.conversion == Conversion::Rgb { 3 } else { 1 };
-        let mut bytes = vec![0; w as usize * h as usize * channels];
-        let got = self.pipe.fill(&mut bytes).map_err(|e| self.fail(e))?;
-        if got == bytes.len() {
-            return Ok(Some(bytes));
+    /// The next picture; `None` at the end of the stream.
+    fn read(&mut self) -> Result<Option<Payload>, DeviceError> {
+        let Self { contents: Contents { size, .. }, pipe, grey, rgb, .. } = self;
+        let (mut read, mut wanted) = (Ok(0), 0);
+        let fill = |bytes: &mut [u8]| (read, wanted) = (pipe.fill(bytes), bytes.len());
+        let payload = match self.settings.conversion {
+            Conversion::Grey => Payload::Grey(grey.picture(*size, fill)),
+            Conversion::Rgb => Payload::Rgb(rgb.picture(*size, fill)),
+        };
+        let got = read.map_err(|e| self.fail(e))?;
+        if got == wanted {
+            return Ok(Some(payload));
         }
         let (number, count) = (self.next, self.contents.count);
         let (good, said) = self.pipe.finish();
@@ -238,15 +244,9 @@ impl Sensor for Video {
             self.pipe.stop();
             return Ok(None);
         }
-        let bytes = self.read();
-        self.ended = !matches!(bytes, Ok(Some(_)));
-        let Some(bytes) = bytes? else { return Ok(None) };
-        let [w, h] = self.contents.size;
-        let payload = match self.settings.conversion {
-            Conversion::Grey => GrayImage::from_raw(w, h, bytes).map(|p| Payload::Grey(Arc::new(p))),
-            Conversion::Rgb => RgbImage::from_raw(w, h, bytes).map(|p| Payload::Rgb(Arc::new(p))),
-        };
-        let payload = payload.ok_or_else(|| self.fail(ErrorKind::InvalidData))?;
+        let payload = self.read();
+        self.ended = !matches!(payload, Ok(Some(_)));
+        let Some(payload) = payload? else { return Ok(None) };
         let (number, time) = (self.next, self.time(self.next));
         self.next += 1;
         Ok(Some(Frame { sensor: self.id, number, time, payload }))

@@ -19,13 +19,13 @@ fn damaged_numbers_are_values_or_errors() {
     let values = (1..=21).map(|k| format!(",{k}e-6")).collect::<String>();
     let covariances = format!("0{values}\n5{values}\n");
     let readers: [(&str, &str, Read); 6] = [
-        ("truth.tum", POSES, |p| Truth::read_tum(p).map(|t| t.0.len())),
+        ("truth.tum", POSES, |p| Truth::read_tum(p).map(|t| t.poses.len())),
         ("estimates.tum", POSES, |p| read_estimates(p).map(|t| t.len())),
         ("covariances.csv", &covariances, |p| read_covariances(p).map(|c| c.len())),
         ("times.txt", TIMES, |p| timestamps::read(p).map(|t| t.len())),
         ("pose.txt", "0 -1 0 1\n1 0 0 2\n0 0 1 3\n0 0 0 1\n", |p| read_pose(p).map(|_| 1)),
         ("matrices/pose_3.txt", "1 0 0 1\n0 1 0 2\n0 0 1 3\n", |p| {
-            Truth::read_matrices(p.parent().unwrap()).map(|t| t.0.len())
+            Truth::read_matrices(p.parent().unwrap()).map(|t| t.poses.len())
         }),
     ];
     std::fs::create_dir(dir.path().join("matrices")).unwrap();

@@ -85,7 +85,7 @@ fn poses_and_covariances_have_the_format_of_the_scorer() {
     // Upper triangle by rows: the diagonal is at 0, 6, 11, 15, 18, 20.
     let diagonal: Vec<f64> = [0, 6, 11, 15, 18, 20].map(|k| covariances[0][k + 1]).to_vec();
     assert_eq!(diagonal, [1e-6, 2e-6, 3e-6, 4e-6, 5e-6, 6e-6]);
-    assert_eq!(Truth::read_tum(&dir.path().join("poses.tum")).unwrap().0.len(), 2);
+    assert_eq!(Truth::read_tum(&dir.path().join("poses.tum")).unwrap().poses.len(), 2);
 }
 
 #[test]
@@ -129,8 +129,8 @@ fn the_report_has_conditions_and_errors_and_an_old_one_is_removed() {
     std::fs::write(dir.path().join("report.json"), "old").unwrap();
     let mut truth = Truth::default();
     let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, 0.3 + 0.01));
-    truth.0.insert(1, SE3::new(rotation, Vector3::new(0.1, -0.2, 1.0 / 3.0 + 0.002)));
-    let summary = Summary::new([("castle".to_owned(), Some(truth))]);
+    truth.poses.insert(1, SE3::new(rotation, Vector3::new(0.1, -0.2, 1.0 / 3.0 + 0.002)));
+    let summary = Summary::new([("castle".to_owned(), Some(truth), None)]);
     let header = Header { task: "t.toml".into(), seed: 5, ..Header::default() };
     header.interrupted.store(true, std::sync::atomic::Ordering::Relaxed);
     let mut outputs: Vec<Box<dyn Output>> =
@@ -226,7 +226,7 @@ fn the_animation_ends_at_its_largest_size_and_an_old_one_is_removed() {
 #[test]
 fn the_plot_of_an_interrupted_run_is_whole_in_both_forms() {
     let mut truth = Truth::default();
-    truth.0.insert(1, SE3::new(UnitQuaternion::identity(), Vector3::new(0.1, -0.2, 0.33)));
+    truth.poses.insert(1, SE3::new(UnitQuaternion::identity(), Vector3::new(0.1, -0.2, 0.33)));
     for (truth, word) in [(Some(truth), "error and deviation"), (None, "residuals")] {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("plot.svg"), "old").unwrap();

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use image::{ImageBuffer, Luma, Pixel, Rgb};
+use image::{Luma, Rgb};
 use nalgebra::Point3;
 use rayon::prelude::*;
 use vt_core::agent::Sensor;
 use vt_core::error::DeviceError;
 use vt_core::frame::{Frame, Payload, SensorId};
 use vt_core::lie::SE3;
+use vt_core::picture_pool::PicturePool;
 use vt_core::random::{Random, Source, Stream};
 use vt_core::time::Timestamp;
 use vt_models::camera::Camera;
@@ -83,8 +84,8 @@ pub struct SimulatedCamera {
     settings: Settings,
     next: u64,
     last: Option<(Payload, Vec<f64>)>,
-    grey: Pool<Luma<u8>>,
-    rgb: Pool<Rgb<u8>>,
+    grey: PicturePool<Luma<u8>>,
+    rgb: PicturePool<Rgb<u8>>,
 }
 
 impl SimulatedCamera {
@@ -99,7 +100,7 @@ impl SimulatedCamera {
         let (width, height) = camera.size();
         let renderer = Renderer::new(camera, world.background.paint(world.seed, width, height));
         let converter = Converter::new(settings.noise);
-        let (last, grey, rgb) = (None, Pool(vec![]), Pool(vec![]));
+        let (last, grey, rgb) = (None, PicturePool::default(), PicturePool::default());
         Self { id, world, camera_from_world, renderer, converter, settings, next: 0, last, grey, rgb }
     }
 
@@ -215,18 +216,19 @@ impl SimulatedCamera {
             self.renderer.add(&bodies, &light);
         }
         let visible = self.renderer.visible().collect();
-        let payload = if self.settings.colour {
-            let Self { renderer, converter, rgb, .. } = self;
-            let view = Exposed { renderer, converter, world: &world, t };
-            Payload::Rgb(rgb.picture(renderer.camera(), |bytes| {
-                view.develop::<3>(bytes, self.settings.seed, self.id, number, |c, k| c[k]);
-            }))
+        let Self { renderer, converter, settings, id, grey, rgb, .. } = self;
+        let (view, size) =
+            (Exposed { renderer, converter, world: &world, t }, renderer.camera().size().into());
+        let payload = if settings.colour {
+            Payload::Rgb(
+                rgb.picture(size, |bytes| view.develop::<3>(bytes, settings.seed, *id, number, |c, k| c[k])),
+            )
         } else {
-            let Self { renderer, converter, grey, .. } = self;
-            let view = Exposed { renderer, converter, world: &world, t };
-            Payload::Grey(grey.picture(renderer.camera(), |bytes| {
-                view.develop::<1>(bytes, self.settings.seed, self.id, number, |c, _| luma(c));
-            }))
+            Payload::Grey(
+                grey.picture(size, |bytes| {
+                    view.develop::<1>(bytes, settings.seed, *id, number, |c, _| luma(c))
+                }),
+            )
         };
         (payload, visible)
     }
@@ -262,30 +264,6 @@ impl Exposed<'_> {
             };
             self.converter.convert(light, out, &mut source.at(number, y as u32));
         });
-    }
-}
-
-/// Pictures that are used again when nobody else holds them any more.
-struct Pool<P: Pixel<Subpixel = u8>>(Vec<Arc<ImageBuffer<P, Vec<u8>>>>);
-
-impl<P: Pixel<Subpixel = u8>> Pool<P> {
-    /// Pictures kept.
-    const SIZE: usize = 4;
-
-    fn picture(&mut self, camera: &Camera, fill: impl FnOnce(&mut [u8])) -> Arc<ImageBuffer<P, Vec<u8>>> {
-        let (width, height) = camera.size();
-        let free = self.0.iter().position(|p| Arc::strong_count(p) == 1);
-        let mut picture = match free {
-            Some(k) => self.0.swap_remove(k),
-            None => Arc::new(ImageBuffer::new(width, height)),
-        };
-        if let Some(picture) = Arc::get_mut(&mut picture) {
-            fill(picture);
-        }
-        if self.0.len() < Self::SIZE {
-            self.0.push(picture.clone());
-        }
-        picture
     }
 }
 

@@ -8,9 +8,8 @@ mod leaves;
 mod polygon;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use image::{GrayImage, RgbImage};
+use image::{Luma, Rgb};
 use nalgebra::Point2;
 use rayon::prelude::*;
 use vt_core::agent::Sensor;
@@ -19,6 +18,7 @@ use vt_core::frame::{Frame, Payload, SensorId};
 use vt_core::lie::{LieGroup, Sim2};
 use vt_core::math;
 use vt_core::metrics::Rectangle;
+use vt_core::picture_pool::PicturePool;
 use vt_core::random::{Random, Source, Stream};
 use vt_core::time::Timestamp;
 use vt_models::outline::Outline;
@@ -27,6 +27,7 @@ use crate::camera::luma;
 use crate::noise::{Converter, Noise};
 use crate::texture::Colour;
 use leaves::{BRIGHT, LEVELS, dead_leaves, tinted};
+use polygon::Brush;
 
 /// Deviations of the steps of a random walk from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,7 +119,13 @@ pub struct PlanarCamera {
     /// Places in the shape with the colour that all points nearest to them have.
     patches: Vec<(Point2<f64>, Colour)>,
     converter: Converter,
+    source: Source,
     light: Vec<Colour>,
+    brush: Brush,
+    /// The outline's image.
+    image: Vec<Vec<Point2<f64>>>,
+    grey: PicturePool<Luma<u8>>,
+    rgb: PicturePool<Rgb<u8>>,
     next: u64,
 }
 
@@ -135,8 +142,26 @@ impl PlanarCamera {
         let (background, cover) = (picture(0), picture(1));
         let patches = patches(&outline, &settings);
         let converter = Converter::new(settings.noise);
-        let light = Vec::with_capacity(w * h);
-        Ok(Self { id, outline, settings, poses, background, cover, patches, converter, light, next: 0 })
+        let source = Source::new(settings.seed, Stream::Sim, (3 << 32) + u64::from(id.0));
+        let (light, brush) = (Vec::with_capacity(w * h), Brush::default());
+        let (image, grey, rgb) = (outline.loops().to_vec(), PicturePool::default(), PicturePool::default());
+        Ok(Self {
+            id,
+            outline,
+            settings,
+            poses,
+            background,
+            cover,
+            patches,
+            converter,
+            source,
+            light,
+            brush,
+            image,
+            grey,
+            rgb,
+            next: 0,
+        })
     }
 
     /// The settings.
@@ -179,39 +204,29 @@ impl PlanarCamera {
         let Some(pose) = self.poses.get(number as usize).copied() else { return };
         let [w, h] = self.settings.size.map(|n| n as usize);
         self.light.clone_from(&self.background);
-        let (light, patches, inverse) = (&mut self.light, &self.patches, pose.inverse());
-        let loops: Vec<Vec<_>> =
-            self.outline.loops().iter().map(|l| l.iter().map(|p| pose.act(p)).collect()).collect();
-        polygon::fill(&loops, [w, h], |x, y, share| {
+        let hidden = self.bounds(number).filter(|_| !self.visible(number));
+        let Self { outline, light, brush, image, patches, cover, .. } = self;
+        for (image, points) in image.iter_mut().zip(outline.loops()) {
+            image.clear();
+            image.extend(points.iter().map(|p| pose.act(p)));
+        }
+        let inverse = pose.inverse();
+        brush.fill(image, [w, h], |x, y, share| {
             let at = inverse.act(&Point2::new(x as f64, y as f64));
             let squared = |p: &(Point2<f64>, Colour)| (p.0 - at).norm_squared();
             let nearest = patches.iter().min_by(|a, b| squared(a).total_cmp(&squared(b)));
             let colour = nearest.map_or([BRIGHT; 3], |p| p.1);
             polygon::blend(&mut light[y * w + x], &colour, share);
         });
-        if let Some(hidden) = self.bounds(number).filter(|_| !self.visible(number)) {
+        if let Some(hidden) = hidden {
             let margin = 0.1 * hidden.width.max(hidden.height);
             let (left, right) = (hidden.x - margin, hidden.x + hidden.width + margin);
             let (top, bottom) = (hidden.y - margin, hidden.y + hidden.height + margin);
             let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
-            let cover = &self.cover;
-            let light = &mut self.light;
-            polygon::fill(&[corners.map(|(x, y)| Point2::new(x, y)).to_vec()], [w, h], |x, y, share| {
+            brush.fill(&[corners.map(|(x, y)| Point2::new(x, y))], [w, h], |x, y, share| {
                 polygon::blend(&mut light[y * w + x], &cover[y * w + x], share);
             });
         }
-    }
-
-    fn develop<const CHANNELS: usize>(&self, number: u64, channel: fn(&Colour, usize) -> f32) -> Vec<u8> {
-        let w = self.settings.size[0] as usize;
-        let mut bytes = vec![0; self.light.len() * CHANNELS];
-        let source = Source::new(self.settings.seed, Stream::Sim, (3 << 32) + u64::from(self.id.0));
-        let rows = bytes.par_chunks_mut(w * CHANNELS).zip(self.light.par_chunks(w)).enumerate();
-        rows.for_each(|(y, (out, row))| {
-            let light = |k: usize| channel(&row[k / CHANNELS], k % CHANNELS);
-            self.converter.convert(light, out, &mut source.at(number, y as u32));
-        });
-        bytes
     }
 }
 
@@ -223,21 +238,38 @@ impl Sensor for PlanarCamera {
         let number = self.next;
         self.next += 1;
         self.draw(number);
-        let [w, h] = self.settings.size;
-        let payload = if self.settings.colour {
-            let bytes = self.develop::<3>(number, |c, k| c[k]);
-            RgbImage::from_raw(w, h, bytes).map(|p| Payload::Rgb(Arc::new(p)))
+        let Self { settings, light, converter, source, grey, rgb, .. } = self;
+        let view = Light { converter, light, width: settings.size[0] as usize, source, number };
+        let payload = if settings.colour {
+            Payload::Rgb(rgb.picture(settings.size, |bytes| view.develop::<3>(bytes, |c, k| c[k])))
         } else {
-            let bytes = self.develop::<1>(number, |c, _| luma(c));
-            GrayImage::from_raw(w, h, bytes).map(|p| Payload::Grey(Arc::new(p)))
+            Payload::Grey(grey.picture(settings.size, |bytes| view.develop::<1>(bytes, |c, _| luma(c))))
         };
-        let payload = payload.ok_or_else(|| DeviceError::new("simulated picture", "too small a buffer"))?;
         let time = Timestamp::from_seconds(number as f64 / self.settings.rate);
         Ok(Some(Frame { sensor: self.id, number, time, payload }))
     }
 
     fn remaining(&self) -> Option<usize> {
         Some((self.settings.frames - self.next) as usize)
+    }
+}
+
+/// What was drawn of a frame, before it becomes bytes.
+struct Light<'a> {
+    converter: &'a Converter,
+    light: &'a [Colour],
+    width: usize,
+    source: &'a Source,
+    number: u64,
+}
+
+impl Light<'_> {
+    fn develop<const CHANNELS: usize>(&self, bytes: &mut [u8], channel: fn(&Colour, usize) -> f32) {
+        let rows = bytes.par_chunks_mut(self.width * CHANNELS).zip(self.light.par_chunks(self.width));
+        rows.enumerate().for_each(|(y, (out, row))| {
+            let light = |k: usize| channel(&row[k / CHANNELS], k % CHANNELS);
+            self.converter.convert(light, out, &mut self.source.at(self.number, y as u32));
+        });
     }
 }
 

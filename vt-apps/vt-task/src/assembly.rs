@@ -147,7 +147,8 @@ impl Scene {
 
     /// An empty summary of the targets.
     pub fn summary(&self, task: &Task) -> Summary {
-        Summary::new(task.targets.iter().zip(&self.truths).map(|(t, truth)| (t.name.clone(), truth.clone())))
+        let targets = task.targets.iter().zip(&self.truths);
+        Summary::new(targets.map(|(t, truth)| (t.name.clone(), truth.clone(), self.bounds(&t.model))))
     }
 
     /// Corners of the bounds of a flat model.

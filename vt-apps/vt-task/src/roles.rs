@@ -218,9 +218,9 @@ pub struct SensorProduct {
 /// What a simulated sensor knows besides its frames.
 #[derive(Clone)]
 pub struct Simulation {
-    /// What it sees.
-    pub world: Arc<World>,
-    /// True poses of the objects, by the objects' names, in the order of the task.
+    /// What it sees, if that are bodies in space.
+    pub world: Option<Arc<World>>,
+    /// What is true of the objects, by the objects' names, in the order of the task.
     pub truths: Vec<(String, Truth)>,
 }
 
@@ -336,9 +336,11 @@ impl InitContext<'_> {
             None => "a target without `truth`".to_owned(),
             Some(_) => format!("truth without frame {}", self.first_frame),
         };
-        self.truth.and_then(|t| t.0.get(&self.first_frame)).copied().ok_or_else(|| ConfigError::Mismatch {
-            found,
-            expected: format!("the true pose of frame {}, the first one", self.first_frame),
+        self.truth.and_then(|t| t.poses.get(&self.first_frame)).copied().ok_or_else(|| {
+            ConfigError::Mismatch {
+                found,
+                expected: format!("the true pose of frame {}, the first one", self.first_frame),
+            }
         })
     }
 }

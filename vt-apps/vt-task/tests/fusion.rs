@@ -39,7 +39,7 @@ fn run(fusion: &str, more: &[&str]) -> Result<Vec<StepReport>, String> {
     let truth = scene.truths[0].as_ref().unwrap();
     for report in &reports {
         let pose = report.posterior.get::<SE3>().unwrap().mean;
-        let error = PoseError::new(&pose, &truth.0[&report.frame]);
+        let error = PoseError::new(&pose, &truth.poses[&report.frame]);
         assert!(error.within(2e-3, 0.02), "{fusion}: {error:?} in frame {}", report.frame);
         assert_eq!((report.verdict.status, report.target.as_str()), (Status::Tracking, "bracket"));
     }

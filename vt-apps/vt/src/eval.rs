@@ -119,9 +119,9 @@ impl EvalArgs {
     /// [`EvalError`].
     pub fn scores(&self) -> Result<Scores, EvalError> {
         let truth = if self.truth.is_dir() {
-            Truth::read_matrices(&self.truth)?.0
+            Truth::read_matrices(&self.truth)?.poses
         } else {
-            Truth::read_tum(&self.truth)?.0
+            Truth::read_tum(&self.truth)?.poses
         };
         let estimates = read_estimates(&self.estimates)?;
         let (found, expected) = (span(&self.estimates, &estimates)?, span(&self.truth, &truth)?);

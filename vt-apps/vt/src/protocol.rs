@@ -253,7 +253,7 @@ impl Judge {
         if self.last.replace(report.frame) == Some(report.frame) {
             return Ok(None);
         }
-        let truth = self.truth.0.get(&report.frame);
+        let truth = self.truth.poses.get(&report.frame);
         let Some(covariance) = &self.covariance else {
             self.covariance = Some(report.prediction.covariance.clone());
             let given = truth.map_or_else(|| report.prediction.coordinates.clone(), coordinates);

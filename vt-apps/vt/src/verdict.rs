@@ -44,12 +44,18 @@ fn target(out: &mut String, t: &TargetSummary) {
         let _ = writeln!(out, "  tracking alone: {:.2} ms a frame (median)", 1e3 * s.median);
     }
     let degrees = 180.0 / core::f64::consts::PI;
-    let rows =
-        [("translation", "mm", 1e3, &t.translation_errors), ("rotation", "deg", degrees, &t.rotation_errors)];
+    let rows = [
+        ("translation", "mm", 1e3, &t.translation_errors),
+        ("rotation", "deg", degrees, &t.rotation_errors),
+        ("centre", "px", 1.0, &t.centre_errors),
+    ];
     for (name, unit, factor, values) in rows {
         if let Some(s) = Statistics::of(values) {
             let (mean, max) = (factor * s.mean, factor * s.max);
             let _ = writeln!(out, "  {name} error: mean {mean:.3} {unit}, max {max:.3} {unit}");
         }
+    }
+    if let Some(s) = Statistics::of(&t.overlaps) {
+        let _ = writeln!(out, "  overlap with the true box: mean {:.3}, median {:.3}", s.mean, s.median);
     }
 }

@@ -67,7 +67,9 @@ where
     values: OVector<f64, D>,
     vectors: OMatrix<f64, D, D>,
     tolerance: f64,
-    null: Vec<OVector<f64, D>>,
+    /// Unobservable directions in its first columns, and how many they are.
+    null: OMatrix<f64, D, D>,
+    nullity: usize,
 }
 
 /// Diagonal entries below this part of the largest are not scaled up further: they are rounding, not information.
@@ -93,24 +95,27 @@ where
             }
         }
         let (values, vectors) = symmetric_eigen(&scaled);
-        let mut null: Vec<OVector<f64, D>> = vec![];
+        let (mut null, mut nullity) = (OMatrix::<f64, D, D>::zeros_generic(size, size), 0);
         for k in (0..n).filter(|k| values[*k] <= tolerance) {
             // A null vector of the scaled matrix, in tangent units, orthogonal to those before.
             let mut d = vectors.column(k).component_mul(&scale);
-            for other in &null {
-                d -= other * other.dot(&d);
+            for other in 0..nullity {
+                let other = null.column(other);
+                let part = other.dot(&d);
+                d.axpy(-part, &other, 1.0);
             }
             let length = d.norm();
             if length > 0.0 {
-                null.push(d / length);
+                null.set_column(nullity, &(d / length));
+                nullity += 1;
             }
         }
-        Self { scale, values, vectors, tolerance, null }
+        Self { scale, values, vectors, tolerance, null, nullity }
     }
 
     /// Unit tangent vectors, orthogonal to each other, that span the unobservable directions.
-    pub fn unobservable(&self) -> &[OVector<f64, D>] {
-        &self.null
+    pub fn unobservable(&self) -> impl ExactSizeIterator<Item = OVector<f64, D>> {
+        (0..self.nullity).map(|k| self.null.column(k).into_owned())
     }
 
     /// Number of observable directions.
@@ -142,9 +147,9 @@ where
             step.axpy(y, &self.vectors.column(k), 1.0);
         }
         step.component_mul_assign(&self.scale);
-        for null in &self.null {
+        for null in self.unobservable() {
             let along = null.dot(&step);
-            step.axpy(-along, null, 1.0);
+            step.axpy(-along, &null, 1.0);
         }
         (step, decrease)
     }
@@ -157,13 +162,13 @@ where
     /// Pseudo-inverse of `A`: the covariance in the observable directions, zero along the others.
     pub fn covariance(&self) -> OMatrix<f64, D, D> {
         let mut c = self.rebuild(|value| 1.0 / value, |scale| scale);
-        for null in &self.null {
+        for null in self.unobservable() {
             // C ← (1 - n nᵀ) C (1 - n nᵀ)
-            let along = &c * null;
+            let along = &c * &null;
             let both = null.dot(&along);
-            c.ger(-1.0, null, &along, 1.0);
-            c.ger(-1.0, &along, null, 1.0);
-            c.ger(both, null, null, 1.0);
+            c.ger(-1.0, &null, &along, 1.0);
+            c.ger(-1.0, &along, &null, 1.0);
+            c.ger(both, &null, &null, 1.0);
         }
         c
     }

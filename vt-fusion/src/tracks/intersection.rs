@@ -103,7 +103,7 @@ where
         // A unit of information in directions that are locked in all parts makes inverses exist and changes no optimum.
         let mut locked = Square::<P>::zeros_generic(x.dim(), x.dim());
         for null in Spectrum::new(&self.sum(x, |_| true), RANK).unobservable() {
-            locked.ger(1.0, null, null, 1.0);
+            locked.ger(1.0, &null, &null, 1.0);
         }
         for _ in 0..ROUNDS {
             let mut change = 0.0_f64;

@@ -52,7 +52,7 @@ impl Channels {
             gradient.compute(source, Some(around));
         }
         let [r, g, b] = &self.gradients;
-        out.resize(r.region.unwrap_or(Roi { x: 0, y: 0, width: 0, height: 0 }));
+        out.resize(r.region.unwrap_or(Roi { x: 0, y: 0, width: 0, height: 0 }), size);
         strongest([&r.x, &g.x, &b.x], [&r.y, &g.y, &b.y], &mut out.x, &mut out.y);
     }
 }

@@ -3,6 +3,7 @@
 use vt_core::batch::vectorized;
 
 use super::{STRONG, WEAK};
+use crate::plane::reserve;
 
 /// Classes of the pixels of a region with a border of zeros, and the strong pixels whose neighbours were not looked at.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +14,12 @@ pub(super) struct Hysteresis {
 }
 
 impl Hysteresis {
+    /// Makes room for a region of so many pixels, its border included.
+    pub(super) fn reserve(&mut self, pixels: usize) {
+        reserve(&mut self.classes, pixels);
+        reserve(&mut self.open, pixels);
+    }
+
     /// Lends room for the classes of `width` × `height` pixels and one more on every side, which stays zero; the rest is
     /// whatever it is.
     pub(super) fn begin(&mut self, width: usize, height: usize) -> &mut [u8] {

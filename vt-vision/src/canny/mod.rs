@@ -20,7 +20,7 @@ use crate::color::grey_of;
 use crate::edge_map::EdgePixel;
 use crate::gaussian::Blur;
 use crate::gradient::Gradient;
-use crate::plane::{Plane, clip, grown};
+use crate::plane::{Plane, area, clip, grown, reserve};
 use crate::turns::Turns;
 use hysteresis::Hysteresis;
 use suppression::{magnitude, suppress};
@@ -61,19 +61,22 @@ impl Canny {
             None => image,
         };
         self.gradient.compute(source, Some(around));
-        self.thin(region, params);
+        self.thin(region, image.dimensions(), params);
     }
 
     /// Finds the edges of a colour picture: the gradient is the direction in which its colours change most.
     pub fn compute_color(&mut self, image: &RgbImage, roi: Option<Roi>, params: &CannyParams) {
         let region = clip(roi, image.dimensions(), 2);
         self.channels.gradient(image, region, params.blur.as_ref(), &mut self.blur, &mut self.gradient);
-        self.thin(region, params);
+        self.thin(region, image.dimensions(), params);
     }
 
     /// From the gradient of the region, which has one pixel more on every side, to its edges.
-    fn thin(&mut self, region: Roi, params: &CannyParams) {
+    fn thin(&mut self, region: Roi, size: (u32, u32), params: &CannyParams) {
         self.norm = params.norm;
+        self.mask.reserve(area(size));
+        self.hysteresis.reserve(area((size.0 + 2, size.1 + 2)));
+        self.rows.iter_mut().for_each(|row| reserve(row, size.0 as usize + 2));
         let mask = self.mask.reshape(region);
         if region.width == 0 || region.height == 0 {
             return;

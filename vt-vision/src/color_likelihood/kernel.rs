@@ -1,6 +1,7 @@
 //! Pixels under a kernel that is warped with the object.
 
 use nalgebra::{Matrix3, Point2, Vector2};
+use vt_core::batch::LANES;
 
 use crate::plane::Plane;
 
@@ -53,15 +54,11 @@ impl Row {
         [u / w, v / w]
     }
 
+    /// Weights of at least `count` of the run from one on, in units of [`UNIT`].
     #[inline(always)]
-    fn weight(&self, k: usize) -> f64 {
-        let [u, v] = self.place(k);
-        (1.0 - u * u - v * v).max(0.0)
-    }
-
-    /// Weights from one of the run on.
-    #[inline(always)]
-    pub fn weights(&self, from: usize, out: &mut [f64]) {
+    pub fn weights(&self, from: usize, count: usize, out: &mut [u64; LANES]) {
+        // Whole registers: what comes after the last is not asked for.
+        let out = &mut out[..count.next_multiple_of(8).min(LANES)];
         if self.affine {
             let (u0, v0) = (self.start[0], self.start[1]);
             let first = self.first + from as f64;
@@ -69,14 +66,25 @@ impl Row {
             for (k, w) in (0_u32..).zip(out.iter_mut()) {
                 let x = first + f64::from(k);
                 let (u, v) = (u0 + self.along[0] * x, v0 + self.along[1] * x);
-                *w = (1.0 - u * u - v * v).max(0.0);
+                *w = whole((1.0 - u * u - v * v).max(0.0));
             }
             return;
         }
         for (k, w) in out.iter_mut().enumerate() {
-            *w = self.weight(from + k);
+            let [u, v] = self.place(from + k);
+            *w = whole((1.0 - u * u - v * v).max(0.0));
         }
     }
+}
+
+/// Unit of weights that are whole numbers: their sums are exact in any order, and added in a cycle.
+pub(super) const UNIT: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// A weight up to 1 in units.
+#[inline(always)]
+fn whole(weight: f64) -> u64 {
+    // The last bit of 2^12 and more is one unit.
+    (weight + (1_u64 << 12) as f64).to_bits() & ((1 << 52) - 1)
 }
 
 /// Bin of what lies outside of the picture.
@@ -90,8 +98,8 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// Every pixel.
-    pub const ALL: Self = Self { stride: 1, most: 1e8 };
+    /// Every pixel; the weights of so many still have a sum.
+    pub const ALL: Self = Self { stride: 1, most: (1 << 24) as f64 };
 }
 
 impl KernelPart {
@@ -173,26 +181,44 @@ impl KernelPart {
             ((left + stride - 1).div_euclid(stride), (left + i64::from(region.width) - 1).div_euclid(stride));
         // u² + v² < w² along a row: A x² + 2 B x + C < 0.
         let a = m.m11 * m.m11 + m.m21 * m.m21 - m.m31 * m.m31;
+        let ellipse = a > 0.0;
+        if !ellipse {
+            return true;
+        }
         let scale = 1.0 / (a * step);
         let along = [m.m11 * step, m.m21 * step, m.m31 * step];
+        let starts = |y: f64| [m.m12 * y + m.m13, m.m22 * y + m.m23, m.m32 * y + m.m33];
         let mut looked = 0.0;
+        // Ends of so many rows in lanes.
+        let mut ends = [[0.0; LANES]; 2];
         for j in top as i64..=bottom as i64 {
-            let y = j as f64 * step;
-            let start = [m.m12 * y + m.m13, m.m22 * y + m.m23, m.m32 * y + m.m33];
-            let [u0, v0, w0] = start;
-            let b = m.m11 * u0 + m.m21 * v0 - m.m31 * w0;
-            let c = u0 * u0 + v0 * v0 - w0 * w0;
-            let discriminant = b * b - a * c;
-            if !(discriminant > 0.0 && a > 0.0) {
+            let lane = (j - top as i64) as usize % LANES;
+            if lane == 0 {
+                let [firsts, lasts] = &mut ends;
+                let rows = (bottom as i64 - j) as usize + 1;
+                let rows = rows.next_multiple_of(8).min(LANES);
+                for (k, (first, last)) in (0_u32..).zip(firsts[..rows].iter_mut().zip(&mut lasts[..rows])) {
+                    let [u0, v0, w0] = starts((j as f64 + f64::from(k)) * step);
+                    let b = m.m11 * u0 + m.m21 * v0 - m.m31 * w0;
+                    let c = u0 * u0 + v0 * v0 - w0 * w0;
+                    let discriminant = b * b - a * c;
+                    let root = discriminant.max(0.0).sqrt();
+                    *first = ((-b - root) * scale).ceil();
+                    *last =
+                        if discriminant > 0.0 { ((-b + root) * scale).floor() } else { f64::NEG_INFINITY };
+                }
+            }
+            let (first, last) = (ends[0][lane], ends[1][lane]);
+            if last < first {
                 continue;
             }
-            let root = discriminant.sqrt();
-            let (first, last) = (((-b - root) * scale).ceil(), ((-b + root) * scale).floor());
             looked += last - first;
             let few = looked < lattice.most;
             if !few {
                 return false;
             }
+            let y = j as f64 * step;
+            let start = starts(y);
             let mut run = |first: i64, end: i64, bins: &[u16]| {
                 if end > first {
                     f(

@@ -1,5 +1,6 @@
 //! Histograms of hypotheses against those of the reference.
 
+use core::cell::RefCell;
 use std::sync::Arc;
 
 use nalgebra::{DefaultAllocator, Dim, Matrix3, OVector, U1, Vector2};
@@ -9,7 +10,7 @@ use vt_core::manifold::{Alloc, Tangent};
 use vt_core::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
 use vt_models::warp::PlanarWarp;
 
-use super::kernel::{KernelPart, Lattice, OUTSIDE};
+use super::kernel::{KernelPart, Lattice, OUTSIDE, UNIT};
 use super::params::ColorParams;
 use crate::histogram::ColorBins;
 
@@ -42,6 +43,11 @@ pub struct ColorLikelihood<P> {
     weights: Vec<f64>,
     /// `D²` of the surroundings of the reference.
     clutter: f64,
+}
+
+thread_local! {
+    /// Weights of the pixels of each class.
+    static COUNTS: RefCell<Vec<[u64; PARTIAL]>> = const { RefCell::new(vec![]) };
 }
 
 /// Lends `n` numbers.
@@ -110,7 +116,7 @@ where
         let m = pose.matrix();
         let strides = self.parts.iter().map(|part| part.stride(&m, self.params.samples));
         let stride = strides.max().unwrap_or(1);
-        self.lattice = Lattice { stride, most: EXCESS * self.params.samples as f64 };
+        self.lattice = Lattice { stride, most: (EXCESS * self.params.samples as f64).min(Lattice::ALL.most) };
     }
 
     /// Takes the colours at `pose` as the reference; `false` where half of a part or more is not in the picture.
@@ -178,12 +184,15 @@ where
         image_from_object: &Matrix3<f64>,
         f: impl FnOnce(&[f64], f64) -> R,
     ) -> R {
-        with_numbers(self.classes * PARTIAL, |sums| {
-            let (whole, total) = vectorized(
-                #[inline(always)]
-                || self.sum(part, image_from_object, sums),
-            );
-            let q = &mut sums[..self.classes];
+        with_numbers(self.classes, |q| {
+            let (whole, total) = COUNTS.with_borrow_mut(|counts| {
+                counts.clear();
+                counts.resize(self.classes, [0; PARTIAL]);
+                vectorized(
+                    #[inline(always)]
+                    || self.sum(part, image_from_object, counts, q),
+                )
+            });
             let seen = whole && total > 0.0;
             if !seen {
                 q.fill(0.0);
@@ -197,13 +206,18 @@ where
         })
     }
 
-    /// Weighted sums of all classes at the start of `sums`, and whether all pixels of the part were looked at and the sum of all.
+    /// Weighted sums of all classes from counts that are zero, whether all pixels of the part were looked at, and the sum of all.
     #[inline(always)]
-    fn sum(&self, part: &KernelPart, image_from_object: &Matrix3<f64>, sums: &mut [f64]) -> (bool, f64) {
-        sums.fill(0.0);
-        let (classes, stride) = (self.classes, self.lattice.stride as usize);
-        let (by_class, _) = sums.as_chunks_mut::<PARTIAL>();
-        let mut weights = [0.0; LANES];
+    fn sum(
+        &self,
+        part: &KernelPart,
+        image_from_object: &Matrix3<f64>,
+        counts: &mut [[u64; PARTIAL]],
+        sums: &mut [f64],
+    ) -> (bool, f64) {
+        let stride = self.lattice.stride as usize;
+        let outside = self.classes - 1;
+        let mut weights = [0; LANES];
         let whole = part.visit_rows(
             &self.bins.bins,
             image_from_object,
@@ -212,27 +226,27 @@ where
             |row, bins| {
                 for from in (0..row.count).step_by(LANES) {
                     let n = (row.count - from).min(LANES);
-                    row.weights(from, &mut weights[..n]);
+                    row.weights(from, n, &mut weights);
+                    let weights = &weights[..n];
                     if bins.is_empty() {
-                        by_class[classes - 1][0] += weights[..n].iter().fold(0.0, |a, b| a + b);
+                        counts[outside][0] += weights.iter().sum::<u64>();
                         continue;
                     }
                     let bins = &bins[from * stride..];
-                    let weights = &weights[..n];
                     if stride == 1 {
                         let (bins, rest) = bins[..n].as_chunks::<PARTIAL>();
                         let (weights, others) = weights.as_chunks::<PARTIAL>();
                         for (bins, weights) in bins.iter().zip(weights) {
                             for turn in 0..PARTIAL {
-                                by_class[usize::from(bins[turn])][turn] += weights[turn];
+                                counts[usize::from(bins[turn])][turn] += weights[turn];
                             }
                         }
                         for (turn, (bin, weight)) in rest.iter().zip(others).enumerate() {
-                            by_class[usize::from(*bin)][turn] += weight;
+                            counts[usize::from(*bin)][turn] += weight;
                         }
                     } else {
                         for (k, (bin, weight)) in bins.iter().step_by(stride).zip(weights).enumerate() {
-                            by_class[usize::from(*bin)][k % PARTIAL] += weight;
+                            counts[usize::from(*bin)][k % PARTIAL] += *weight;
                         }
                     }
                 }
@@ -240,11 +254,9 @@ where
         );
         // Totals of every fourth class, since each addition waits for the one before.
         let mut totals = [0.0; 4];
-        for k in 0..classes {
-            let [a, b, c, d] = by_class[k];
-            let sum = ((a + b) + (c + d)) * self.weights[k];
-            by_class[k / PARTIAL][k % PARTIAL] = sum;
-            totals[k % 4] += sum;
+        for (k, ((sum, weight), [a, b, c, d])) in sums.iter_mut().zip(&self.weights).zip(counts).enumerate() {
+            *sum = (*a + *b + *c + *d) as f64 * (UNIT * weight);
+            totals[k % 4] += *sum;
         }
         let total = (totals[0] + totals[1]) + (totals[2] + totals[3]);
         (whole, total)

@@ -6,6 +6,7 @@ use nalgebra::{Point2, Vector2};
 use vt_core::frame::Roi;
 
 use crate::edge_map::EdgePixel;
+use crate::plane::{area, reserve};
 
 /// Longest half range along a normal, pixels: on a diagonal a word of 64 bits holds no more of a row.
 pub const REACH: f64 = 21.0;
@@ -45,8 +46,15 @@ impl Layout {
         Self { first: first as u32, stride: length / 64 + 3, lines }
     }
 
-    fn words(self) -> usize {
-        self.stride as usize * self.lines as usize * CLASSES
+    /// Rows of a region, and its columns behind them.
+    fn both(width: u32, height: u32) -> [Self; 2] {
+        let rows = Self::new(0, width, height);
+        [rows, Self::new(rows.end(), height, width)]
+    }
+
+    /// Number of the word behind the last.
+    fn end(self) -> usize {
+        self.first as usize + self.stride as usize * self.lines as usize * CLASSES
     }
 
     /// Word of a line's first bit.
@@ -101,15 +109,19 @@ impl Default for EdgeLines {
 }
 
 impl EdgeLines {
+    /// Makes room for all edges of a picture, so that regions which grow take no memory later.
+    pub fn reserve(&mut self, [width, height]: [u32; 2]) {
+        reserve(&mut self.words, Layout::both(width, height)[1].end());
+        reserve(&mut self.cells, area((width, height)));
+    }
+
     /// Takes the edges of a region: column and row of the pixel, position and direction. Those outside are left out.
     pub fn fill(&mut self, region: Roi, edges: impl Iterator<Item = (u32, u32, EdgePixel)>) {
         let Roi { width, height, .. } = region;
         self.region = region;
-        self.rows = Layout::new(0, width, height);
-        self.columns = Layout::new(self.rows.words(), height, width);
-        let words = self.columns.first as usize + self.columns.words();
+        [self.rows, self.columns] = Layout::both(width, height);
         self.words.clear();
-        self.words.resize(words.max(2), 0);
+        self.words.resize(self.columns.end().max(2), 0);
         self.cells.resize(width as usize * height as usize, [0.0; 2]);
         let [x_middles, y_middles] = self.directions;
         for (x, y, edge) in edges {

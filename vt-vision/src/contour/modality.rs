@@ -104,7 +104,7 @@ where
     ) -> Result<Option<&dyn Measurement<P>>, MeasureError> {
         self.seen = false;
         check_prior(prior)?;
-        evidence.frame(self.needs[0].sensor)?;
+        let size = evidence.frame(self.needs[0].sensor)?.payload.size();
         let canny = evidence.get::<CannyEvidence>(&self.needs[0])?.edges.now();
         let searched = canny.mask().region();
         // Others may have asked for more of the picture.
@@ -112,6 +112,7 @@ where
         if region.width == 0 || region.height == 0 {
             return Ok(None);
         }
+        self.likelihood.lines.reserve(size.unwrap_or_default());
         self.likelihood.lines.fill(region, canny.edges());
         self.seen = true;
         Ok(self.last())

@@ -7,7 +7,7 @@ use vt_core::evidence::{EvidenceKey, Processing, Slot};
 use vt_core::frame::{Frame, Roi, SensorId};
 
 use crate::color::{HueRange, rgb_to_hsv, rows};
-use crate::plane::{Plane, clip};
+use crate::plane::{Plane, area, clip, reserve};
 use crate::turns::Turns;
 
 /// More bins along one axis are not told apart from their neighbours by 8 bit.
@@ -149,6 +149,8 @@ impl ColorBins {
     pub fn compute(&mut self, image: &RgbImage, roi: Option<Roi>, binning: &Binning) {
         let region = clip(roi, image.dimensions(), 0);
         let width = region.width as usize;
+        self.bins.reserve(area(image.dimensions()));
+        reserve(&mut self.scratch, 3 * image.width() as usize);
         let bins = self.bins.reshape(region);
         if width == 0 {
             return;

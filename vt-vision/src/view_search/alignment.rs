@@ -153,6 +153,12 @@ pub struct Support {
 }
 
 impl Support {
+    /// Order of poses among each other, nats. A long contour crosses many edges of a background by chance, and to the
+    /// log-likelihood ratio what it does not meet is one event however long it is: here that counts by its length.
+    pub fn rank(&self) -> f64 {
+        self.log_ratio - MISSING_RANK * self.missing / INDEPENDENT
+    }
+
     /// How far the pose can be trusted to be no shape of the background; [`TRUSTED`] is enough. Long edges are common
     /// there, but seldom many at once, and the contour of a body is seldom hard to see. A pose of which the picture
     /// shows too little is not trusted however large it is.
@@ -172,6 +178,9 @@ const LEAST_SHARE: f64 = 0.7;
 
 /// Trust for each edge of the model that is seen, nats.
 const EDGE_TRUST: f64 = 4.0;
+
+/// Places lost in rank for each independent length of contour that is not seen, nats.
+const MISSING_RANK: f64 = 1.0;
 
 /// Distrust for each independent length of contour that is not, nats.
 const MISSING_TRUST: f64 = 0.5;

@@ -8,6 +8,7 @@
 //! A pose found is a proposal: pictures without the body give some, too, where the background has shapes like it.
 
 mod alignment;
+mod candidates;
 mod lookalikes;
 mod orientation_map;
 mod params;

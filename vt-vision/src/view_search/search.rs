@@ -19,7 +19,8 @@ use vt_models::visibility::{MeshView, ViewCache, ViewThresholds, VisibilityOptio
 use vt_models::warp::Se3Warp;
 
 use super::alignment::{LevelEdges, SCALES, Site, Support, align, support};
-use super::lookalikes::lookalikes;
+use super::candidates::{Candidate, distinct};
+use super::lookalikes::{lookalikes, neighbours};
 use super::orientation_map::{EdgeBits, OrientationMap, blurred, resized};
 use super::params::ViewSearchParams;
 use super::scan::{self, Hit, scan};
@@ -40,13 +41,16 @@ const QUICK_SCALES: [f64; 5] = [5.0, 4.0, 3.0, 2.0, 1.5];
 const ALIGNED_SIZE: f64 = 60.0;
 
 /// Candidates that are aligned with all points of their view.
-const ALIGNED: usize = 600;
+const ALIGNED: usize = 1000;
 
 /// Deviation of an edge from the contour where the object is when poses are judged, pixels of the picture.
 const JUDGED: f64 = 0.7;
 
 /// Candidates of which poses that look alike are compared, too.
 const LOOKALIKES: usize = 6;
+
+/// Candidates around which others are compared, too.
+const NEIGHBOURS: usize = 12;
 
 /// A pose found.
 #[derive(Clone, Debug)]
@@ -64,17 +68,6 @@ pub struct ViewSearch {
     edges: Arc<EdgeModel>,
     camera: Camera,
     views: Views,
-}
-
-/// A pose on its way through the search.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    pose: SE3,
-    support: Support,
-    /// Size at which it was found, pixels.
-    size: f64,
-    /// Indices of the size and view that it was found with.
-    view: Option<(usize, usize)>,
 }
 
 /// The first `most` points of a view.
@@ -145,22 +138,18 @@ impl ViewSearch {
         for &index in sizes.iter().filter(|&&k| k < self.sizes()) {
             candidates.extend(self.scan(image, &picture, index));
         }
-        let best = self.distinct(candidates, ALIGNED, 0.4);
-        let candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
-        let best = self.distinct(candidates, self.params.compared, 0.5);
-        let compare = |all: &[Candidate]| -> Vec<Candidate> {
-            all.par_iter()
-                .map_init(VisibleEdges::default, |seen, c| self.compare(&picture, seen, c))
-                .collect()
-        };
-        let mut compared = compare(&best);
-        let others = self.distinct(compared.clone(), LOOKALIKES, 2.0);
-        let others: Vec<Candidate> = others
-            .iter()
-            .flat_map(|c| lookalikes(&c.pose, &self.views.center).map(|pose| Candidate { pose, ..*c }))
-            .collect();
-        compared.extend(compare(&others));
-        let best = self.distinct(compared, self.params.refined, 2.0);
+        let distinct = |all: &mut [Candidate], most, coarse| distinct(all, most, coarse, &self.views);
+        let best = distinct(&mut candidates, ALIGNED, 0.4);
+        let mut candidates: Vec<Candidate> = best.par_iter().map(|c| self.align(&picture, c)).collect();
+        let mut compared = self.compare(&picture, &distinct(&mut candidates, self.params.compared, 0.5));
+        let center = &self.views.center;
+        let others = distinct(&mut compared, LOOKALIKES, 2.0);
+        let others = others.iter().flat_map(|c| lookalikes(&c.pose, center).map(|pose| c.at(pose)));
+        compared.extend(self.compare(&picture, &others.collect::<Vec<_>>()));
+        let others = distinct(&mut compared, NEIGHBOURS, 2.0);
+        let others = others.iter().flat_map(|c| neighbours(&c.pose, center).map(|pose| c.at(pose)));
+        compared.extend(self.compare(&picture, &others.collect::<Vec<_>>()));
+        let best = distinct(&mut compared, self.params.refined, 1.0);
         let refined: Vec<Option<(Candidate, Gaussian<SE3>)>> =
             best.par_iter().map(|c| self.refine(&picture, c)).collect();
         let mut found: Vec<FoundPose> = refined
@@ -172,7 +161,7 @@ impl ViewSearch {
                     && f.support.share >= self.params.least_share
             })
             .collect();
-        found.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
+        found.sort_by(|a, b| b.support.rank().total_cmp(&a.support.rank()));
         Ok(found)
     }
 
@@ -251,32 +240,6 @@ impl ViewSearch {
         Candidate { pose, support, ..*candidate }
     }
 
-    /// The `most` candidates with the best support, best first, of which no two are the same pose; `coarseness`
-    /// scales what counts as the same.
-    fn distinct(&self, mut all: Vec<Candidate>, most: usize, coarseness: f64) -> Vec<Candidate> {
-        all.sort_by(|a, b| b.support.log_ratio.total_cmp(&a.support.log_ratio));
-        let mut kept: Vec<Candidate> = vec![];
-        for c in all {
-            if kept.len() >= most {
-                break;
-            }
-            if !kept.iter().any(|k| self.same(&k.pose, &c.pose, coarseness)) {
-                kept.push(c);
-            }
-        }
-        kept
-    }
-
-    /// True for poses that differ by less than `coarseness` times 5° in rotation, 5 % of the size across and 5 % of
-    /// the distance.
-    fn same(&self, a: &SE3, b: &SE3, coarseness: f64) -> bool {
-        let (p, q) = (a.act(&self.views.center), b.act(&self.views.center));
-        let limit = 0.05 * coarseness;
-        (p.z / q.z - 1.0).abs() < limit
-            && (p.coords.normalize() * q.coords.norm() - q.coords).norm() < limit * self.views.diameter
-            && a.rotation.angle_to(&b.rotation) < 0.087 * coarseness
-    }
-
     /// Sites visible under a pose on a level, with their spacing in pixels of the level.
     fn sites(&self, seen: &mut VisibleEdges, pose: &SE3, level: u32) -> (Vec<Site>, f64) {
         let step = 4.0 * f64::from(1_u32 << level);
@@ -306,18 +269,31 @@ impl ViewSearch {
         )
     }
 
-    /// Aligns again, with what is visible exactly from there.
-    fn compare(&self, picture: &Picture<'_>, seen: &mut VisibleEdges, candidate: &Candidate) -> Candidate {
+    /// Aligns all again, each with what is visible exactly from there.
+    fn compare(&self, picture: &Picture<'_>, all: &[Candidate]) -> Vec<Candidate> {
+        all.par_iter().map_init(VisibleEdges::default, |seen, c| self.compare_one(picture, seen, c)).collect()
+    }
+
+    /// From afar and from near: what is in reach from afar may lead away from a pose that is nearly right.
+    fn compare_one(
+        &self,
+        picture: &Picture<'_>,
+        seen: &mut VisibleEdges,
+        candidate: &Candidate,
+    ) -> Candidate {
         let size = self.views.size(&candidate.pose, &self.camera);
         let level = (self.level(size) as usize).min(picture.levels.len() - 1);
-        let edges = &picture.levels[level];
         let warp = Se3Warp::new(self.camera);
-        let (sites, _) = self.sites(seen, &candidate.pose, edges.level);
-        let mut pose = align(edges, &warp, &candidate.pose, &sites, &SCALES[2..], self.views.diameter);
-        for finer in picture.levels[..level].iter().rev() {
-            pose = align(finer, &warp, &pose, &sites, &SCALES[4..], self.views.diameter);
-        }
-        self.judged(picture, seen, pose)
+        let (sites, _) = self.sites(seen, &candidate.pose, picture.levels[level].level);
+        let [afar, near] = [[2, 4], [5, 5]].map(|[first, finer]| {
+            let levels = picture.levels[..=level].iter().rev().enumerate();
+            let pose = levels.fold(candidate.pose, |pose, (k, edges)| {
+                let scales = &SCALES[if k == 0 { first } else { finer }..];
+                align(edges, &warp, &pose, &sites, scales, self.views.diameter)
+            });
+            self.judged(picture, seen, pose)
+        });
+        if near.support.rank() > afar.support.rank() { near } else { afar }
     }
 
     fn judged(&self, picture: &Picture<'_>, seen: &mut VisibleEdges, pose: SE3) -> Candidate {

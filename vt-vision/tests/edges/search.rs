@@ -91,7 +91,7 @@ fn a_body_is_found_wherever_it_is_and_says_how_precisely() {
         assert!(first.support.share > 0.8, "{k}: {:?}", first.support);
         let nees = first.pose.nees(truth).unwrap();
         assert!(nees < 30.0, "{k}: squared error of {nees} in units of the covariance");
-        assert!(found.windows(2).all(|f| f[0].support.log_ratio >= f[1].support.log_ratio), "best first");
+        assert!(found.windows(2).all(|f| f[0].support.rank() >= f[1].support.rank()), "best first");
     }
 }
 

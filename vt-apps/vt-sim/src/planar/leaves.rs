@@ -6,7 +6,8 @@ use nalgebra::Point2;
 use vt_core::math;
 use vt_core::random::{Random, Stream};
 
-use super::{Settings, polygon};
+use super::Settings;
+use super::polygon::{self, Brush};
 use crate::texture::Colour;
 
 /// Grey levels of the background.
@@ -69,6 +70,7 @@ pub(super) fn dead_leaves([w, h]: [usize; 2], s: &Settings, layer: u64) -> Vec<C
     let reach = 1.5 * radius;
     let (width, height) = (w as f64 + 2.0 * reach, h as f64 + 2.0 * reach);
     let count = (LAYERS * width * height / area).ceil() as u64;
+    let (mut brush, mut leaf_corners) = (Brush::default(), vec![]);
     for _ in 0..count {
         let (x, y) = (width * random.uniform() - reach, height * random.uniform() - reach);
         let size = radius * (0.5 + random.uniform());
@@ -79,7 +81,9 @@ pub(super) fn dead_leaves([w, h]: [usize; 2], s: &Settings, layer: u64) -> Vec<C
             Point2::new(x + size * math::cos(angle), y + size * math::sin(angle))
         };
         let leaf = colour(random);
-        polygon::fill(&[(0..corners).map(corner).collect()], [w, h], |x, y, share| {
+        leaf_corners.clear();
+        leaf_corners.extend((0..corners).map(corner));
+        brush.fill(&[&leaf_corners], [w, h], |x, y, share| {
             polygon::blend(&mut out[y * w + x], &leaf, share);
         });
     }

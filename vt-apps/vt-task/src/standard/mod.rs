@@ -1,6 +1,8 @@
 //! The methods of this project; adding one is one line here.
 
 pub mod bodies;
+#[cfg(feature = "opencv")]
+pub mod capture;
 pub mod contour;
 pub mod edges;
 pub mod estimator;
@@ -46,6 +48,9 @@ impl Registry {
         let flat = planar::<SE2>(flat, "se2", "flat model that is moved and turned");
         let flat = planar::<Sim2>(flat, "sim2", "flat model that is moved, turned and magnified");
         let flat = planar::<Affine2>(flat, "affine", "flat model under affine maps");
+        #[cfg(feature = "opencv")]
+        let flat =
+            flat.with(Method::<Sensors>::new("opencv", "camera or stream, read by OpenCV", capture::opencv));
         planar::<SL3>(flat, "homography", "flat model under homographies")
             .with(Method::<Sensors>::new(
                 "images",
@@ -113,7 +118,9 @@ impl Registry {
             .with(Method::<Inits<SE3>>::new("auto", "the body is searched in the first frame", views::auto))
             .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
             .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
-            .with(Method::<Truths>::new("simulated", "poses of a simulated sensor", truth::simulated))
+            .with(Method::<Truths>::new("boxes", "x y width height of a flat target, a line a frame", truth::boxes))
+            .with(Method::<Truths>::new("corners", "four corners of a flat target, a line a frame", truth::corners))
+            .with(Method::<Truths>::new("simulated", "what a simulated sensor knows", truth::simulated))
             .with(
                 Method::<Modalities<SE3>>::new("edges", "model contour against image edges", edges::edges)
                     .levels(&[Pixel, Feature, Object])

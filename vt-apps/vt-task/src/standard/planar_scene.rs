@@ -3,13 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vt_core::error::ConfigError;
+use vt_io::truth::Truth;
 use vt_sim::noise::Noise;
 use vt_sim::planar::{Fill, PlanarCamera, Settings, Walk};
 
 use crate::language::Picture;
 use crate::quantity::{Angle, Pixels, Rate};
 use crate::registry::{Params, Reference, Referent};
-use crate::roles::{SensorContext, SensorProduct};
+use crate::roles::{SensorContext, SensorProduct, Simulation};
 
 /// Parameters of the sensor `simulated-planar`. With `picture = "colour"` the background has weak colours.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -99,5 +100,7 @@ pub(super) fn planar(p: Planar, context: SensorContext<'_>) -> Result<SensorProd
         seed: context.seed,
     };
     let camera = PlanarCamera::new(context.id, shape.outline()?.clone(), settings)?;
-    Ok(SensorProduct { sensor: Box::new(camera), truth: None })
+    let corners = (0..camera.settings().frames).filter_map(|k| Some((k, camera.corners(k)?)));
+    let truths = vec![(p.model, Truth::of_corners(corners.collect()))];
+    Ok(SensorProduct { sensor: Box::new(camera), truth: Some(Simulation { world: None, truths }) })
 }

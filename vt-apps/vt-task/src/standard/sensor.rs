@@ -143,14 +143,14 @@ pub(super) fn video(p: VideoParams, context: SensorContext<'_>) -> Result<Sensor
     Ok(SensorProduct { sensor: Box::new(sensor), truth: None })
 }
 
-fn conversion(picture: Picture) -> Conversion {
+pub(super) fn conversion(picture: Picture) -> Conversion {
     match picture {
         Picture::Grey => Conversion::Grey,
         Picture::Colour => Conversion::Rgb,
     }
 }
 
-fn check_rate(rate: Option<Rate>) -> Result<(), ConfigError> {
+pub(super) fn check_rate(rate: Option<Rate>) -> Result<(), ConfigError> {
     match rate.filter(|r| !(1e-6..=1e6).contains(&r.si())) {
         Some(rate) => Err(ConfigError::parameter("rate", rate, "a positive rate from 1e-6 Hz to 1 MHz")),
         None => Ok(()),

@@ -263,7 +263,7 @@ pub(crate) fn camera(p: &Simulated, context: &SensorContext<'_>) -> Result<Simul
     })?;
     let world = match &p.scene {
         None => Arc::new(world(p, context.place, context.shapes, context.seed)?),
-        Some(name) => context.simulated.get(name).map(|s| s.world.clone()).ok_or_else(|| {
+        Some(name) => context.simulated.get(name).and_then(|s| s.world.clone()).ok_or_else(|| {
             mismatch(
                 format!("scene of sensor `{name}`"),
                 "the scene of a simulated sensor earlier in the task",
@@ -303,7 +303,7 @@ impl Simulation {
     pub(crate) fn of(camera: &SimulatedCamera) -> Self {
         let world = camera.world().clone();
         let names = world.objects.iter().map(|o| o.name.clone()).enumerate();
-        let truths = names.map(|(k, name)| (name, Truth(camera.truth(k)))).collect();
-        Self { world, truths }
+        let truths = names.map(|(k, name)| (name, Truth::of_poses(camera.truth(k)))).collect();
+        Self { world: Some(world), truths }
     }
 }

@@ -1,4 +1,4 @@
-//! True poses.
+//! What is true of targets.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,27 @@ impl Params for TruthFile {
     }
 }
 
+/// Parameters of the truths `boxes` and `corners`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanarTruthFile {
+    /// File with one line a frame.
+    pub path: FilePath,
+    /// Number of the frame of the first line.
+    #[serde(default = "first")]
+    pub first: u64,
+}
+
+fn first() -> u64 {
+    1
+}
+
+impl Params for PlanarTruthFile {
+    fn files(&self) -> Vec<(String, FilePath)> {
+        vec![("path".into(), self.path.clone())]
+    }
+}
+
 /// Parameters of the truth `simulated`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -41,7 +62,7 @@ impl Params for SimulatedTruth {
 }
 
 fn unreadable(e: DeviceError) -> ConfigError {
-    ConfigError::Mismatch { found: e.to_string(), expected: "readable poses".into() }
+    ConfigError::Mismatch { found: e.to_string(), expected: "a readable truth".into() }
 }
 
 pub(super) fn tum(p: TruthFile, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
@@ -52,10 +73,18 @@ pub(super) fn matrices(p: TruthFile, context: TruthContext<'_>) -> Result<Truth,
     Truth::read_matrices(&context.place.resolve(&p.path)).map_err(unreadable)
 }
 
+pub(super) fn boxes(p: PlanarTruthFile, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
+    Truth::read_boxes(&context.place.resolve(&p.path), p.first).map_err(unreadable)
+}
+
+pub(super) fn corners(p: PlanarTruthFile, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
+    Truth::read_corners(&context.place.resolve(&p.path), p.first).map_err(unreadable)
+}
+
 pub(super) fn simulated(p: SimulatedTruth, context: TruthContext<'_>) -> Result<Truth, ConfigError> {
     let simulation = context.simulated.get(&p.sensor).ok_or_else(|| ConfigError::Mismatch {
         found: format!("sensor `{}`, which knows no truth", p.sensor),
-        expected: "a sensor of kind `simulated`".into(),
+        expected: "a simulated sensor".into(),
     })?;
     let mut truths = simulation.truths.iter();
     let found = truths.find(|(name, _)| p.object.as_ref().is_none_or(|o| o == name));
