@@ -71,6 +71,9 @@ impl Places {
         let reach = Window { half: half + range, ..*window };
         let all = intersection(plane.region(), reach.pixels());
         self.column = along(1).count();
+        // What a gate of the object's size takes, so that none wants memory later.
+        self.masses.reserve((4 * FINENESS as usize + 1).pow(2));
+        self.rows.reserve((6.0 * half.y) as usize + 2);
         for dx in along(0) {
             let x = window.centre.x + dx;
             let column =

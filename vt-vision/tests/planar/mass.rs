@@ -82,7 +82,7 @@ fn colours_of_the_start_are_found_again_and_know_their_error() {
     let (mut modality, mut evidence) = (color(), Evidence::default());
     let start = Vector2::new(80.0, 60.0);
     shown(&mut evidence, frame(0, [start]), &modality);
-    modality.measure(&evidence, &prior(start, 0.5)).unwrap().expect("seen");
+    modality.measure(&evidence, &prior(start, 3.0)).unwrap().expect("seen");
     assert!(modality.source().discriminant().is_some());
     let mut sum = 0.0;
     for k in 1..=60 {
@@ -133,7 +133,7 @@ fn beside(apart: Option<Vector2<f64>>) -> Option<(Vector2<f64>, Matrix2<f64>)> {
     let (mut modality, mut evidence) = (color(), Evidence::default());
     let start = Vector2::new(80.0, 60.0);
     shown(&mut evidence, frame(0, [start]), &modality);
-    modality.measure(&evidence, &prior(start, 0.5)).unwrap().expect("seen");
+    modality.measure(&evidence, &prior(start, 3.0)).unwrap().expect("seen");
     shown(&mut evidence, frame(1, [start].into_iter().chain(apart.map(|d| start + d))), &modality);
     let z = modality.measure(&evidence, &prior(start, 6.0)).unwrap()?;
     let mut equations = NormalEquations::empty(&Vector(start));
@@ -164,7 +164,7 @@ fn another_mass_that_touches_the_objects_makes_it_uncertain_along_the_line_betwe
     let (mut modality, mut evidence) = (color(), Evidence::default());
     let start = Vector2::new(80.0, 60.0);
     shown(&mut evidence, frame(0, [start]), &modality);
-    modality.measure(&evidence, &prior(start, 0.5)).unwrap().expect("seen");
+    modality.measure(&evidence, &prior(start, 3.0)).unwrap().expect("seen");
     shown(&mut evidence, frame(1, places), &modality);
     assert!(modality.measure(&evidence, &prior(start, 3.0)).unwrap().is_none());
 }
@@ -174,8 +174,8 @@ fn the_mass_that_is_expected_follows_what_is_seen_until_it_is_taken_back() {
     let (mut modality, mut evidence) = (color(), Evidence::default());
     let start = Vector2::new(80.0, 60.0);
     shown(&mut evidence, frame(0, [start]), &modality);
-    modality.measure(&evidence, &prior(start, 0.5)).unwrap().expect("seen");
-    modality.adapt(&evidence, &prior(start, 0.5)).unwrap();
+    modality.measure(&evidence, &prior(start, 3.0)).unwrap().expect("seen");
+    modality.adapt(&evidence, &prior(start, 3.0)).unwrap();
     // It is half as large from now on.
     let mut variance = |modality: &mut MassCentreModality<Pose, ColorMass>, number, adapts: bool| {
         shown(&mut evidence, sized(number, [start], SIZE.map(|s| 0.7 * s)), modality);
@@ -203,7 +203,7 @@ fn priors_of_no_use_and_other_places_give_no_measurement() {
     let (mut modality, mut evidence) = (color(), Evidence::default());
     let start = Vector2::new(80.0, 60.0);
     shown(&mut evidence, frame(0, [start]), &modality);
-    assert!(modality.measure(&evidence, &prior(start, 0.5)).unwrap().is_some());
+    assert!(modality.measure(&evidence, &prior(start, 3.0)).unwrap().is_some());
     for bad in [prior(Vector2::new(f64::NAN, 0.0), 1.0), prior(start, f64::INFINITY)] {
         assert!(matches!(modality.measure(&evidence, &bad), Err(MeasureError::Prediction(_))));
         assert!(modality.last().is_none() && modality.region(&bad).is_none());
@@ -211,8 +211,8 @@ fn priors_of_no_use_and_other_places_give_no_measurement() {
     for far in [Vector2::new(-500.0, 60.0), Vector2::new(20.0, 1e9), Vector2::new(20.0, 20.0)] {
         assert!(modality.measure(&evidence, &prior(far, 1.0)).unwrap().is_none(), "{far}");
     }
-    // A prior without any width is still one.
-    assert!(modality.measure(&evidence, &prior(start, 0.0)).unwrap().is_some());
+    // A prior without any width is still one, which a picture cannot improve.
+    assert!(modality.measure(&evidence, &prior(start, 0.0)).unwrap().is_none());
 }
 
 #[test]
