@@ -1,9 +1,17 @@
 #!/bin/sh
 # Installs the system packages that the tests on real pictures and videos need (Debian and its relatives). The build itself needs
-# none. Safe to run again.
+# none; --all adds those of the feature `opencv`. Safe to run again.
 set -eu
 
 packages="visp-images-data ffmpeg"
+case ${1:-} in
+    "") ;;
+    --all) packages="$packages libopencv-dev clang libclang-dev" ;;
+    *)
+        echo "usage: ./setup.sh [--all]" >&2
+        exit 2
+        ;;
+esac
 
 if ! command -v apt-get >/dev/null 2>&1 || ! command -v dpkg-query >/dev/null 2>&1; then
     echo "setup: no apt here; for the tests on real pictures install the contents of: $packages"
