@@ -156,7 +156,7 @@ impl Support {
     /// Order of poses among each other, nats. A long contour crosses many edges of a background by chance, and to the
     /// log-likelihood ratio what it does not meet is one event however long it is: here that counts by its length.
     pub fn rank(&self) -> f64 {
-        self.log_ratio - MISSING_RANK * self.missing / INDEPENDENT
+        self.log_ratio - MISSING * self.missing / INDEPENDENT
     }
 
     /// How far the pose can be trusted to be no shape of the background; [`TRUSTED`] is enough. Long edges are common
@@ -166,7 +166,7 @@ impl Support {
         if self.share < LEAST_SHARE {
             return 0.0;
         }
-        self.log_ratio + EDGE_TRUST * self.edges as f64 - MISSING_TRUST * self.missing / INDEPENDENT
+        self.rank() + EDGE_TRUST * self.edges as f64
     }
 }
 
@@ -179,11 +179,8 @@ const LEAST_SHARE: f64 = 0.7;
 /// Trust for each edge of the model that is seen, nats.
 const EDGE_TRUST: f64 = 4.0;
 
-/// Places lost in rank for each independent length of contour that is not seen, nats.
-const MISSING_RANK: f64 = 1.0;
-
-/// Distrust for each independent length of contour that is not, nats.
-const MISSING_TRUST: f64 = 0.5;
+/// Price of each independent length of contour that is not seen, nats.
+const MISSING: f64 = 0.5;
 
 /// An edge of the model is seen from here on, nats.
 const SEEN: f64 = 2.5;

@@ -50,7 +50,7 @@ const JUDGED: f64 = 0.7;
 const LOOKALIKES: usize = 6;
 
 /// Candidates around which others are compared, too.
-const NEIGHBOURS: usize = 12;
+const NEIGHBOURS: usize = 8;
 
 /// A pose found.
 #[derive(Clone, Debug)]
