@@ -178,7 +178,7 @@ fn names_and_references() {
             "truth of a sensor that knows none",
             "init = {",
             "truth = { kind = \"simulated\", params = { sensor = \"camera\" } }\ninit = {",
-            &["task.toml:19", "knows no truth", "kind `simulated`"],
+            &["task.toml:19", "knows no truth", "a simulated sensor"],
         ),
         whole(
             "target twice",
