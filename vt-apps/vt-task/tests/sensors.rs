@@ -84,10 +84,10 @@ fn broken_mass_centres_are_refused_before_the_first_frame() {
         assert_eq!(problem(&centre(kind, "object", ""), &[]), None);
         let e = problem(&centre(kind, "pixel", ""), &[]).unwrap();
         assert!(e.contains("object"), "{e}");
-        let e = problem(&centre(kind, "object", "centre = { window = 0.5 }"), &[]).unwrap();
-        assert!(e.contains("a number from 1 to 3"), "{e}");
-        let e = problem(&centre(kind, "object", "centre = { windw = 2.0 }"), &[]).unwrap();
-        assert!(e.contains("windw") && e.contains("window"), "{e}");
+        let e = problem(&centre(kind, "object", "centre = { sharpness = 0.0 }"), &[]).unwrap();
+        assert!(e.contains("a positive number"), "{e}");
+        let e = problem(&centre(kind, "object", "centre = { shrpness = 2.0 }"), &[]).unwrap();
+        assert!(e.contains("shrpness") && e.contains("sharpness"), "{e}");
     }
     let e = problem(&centre("motion-center", "object", ""), &[]).unwrap();
     assert!(e.contains("motion-centre"), "{e}");
