@@ -6,7 +6,7 @@ set -eu
 packages="visp-images-data ffmpeg"
 case ${1:-} in
     "") ;;
-    --all) packages="$packages libopencv-dev clang libclang-dev" ;;
+    --all) packages="$packages libopencv-dev clang libclang-dev pkgconf" ;;
     *)
         echo "usage: ./setup.sh [--all]" >&2
         exit 2
