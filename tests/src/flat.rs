@@ -39,7 +39,7 @@ pub const MODALITIES: [&str; 5] = [
 /// Mass centres; a linear discriminant does not part hues all around from the grey in their middle, so the patch has one colour.
 pub const CENTRES: [&str; 2] = [
     r#"{ kind = "color-centre", level = "object", sensor = "camera" }"#,
-    r#"{ kind = "motion-centre", level = "object", sensor = "camera", params = { duration = "400 ms", centre = { share = 1.0 } } }"#,
+    r#"{ kind = "motion-centre", level = "object", sensor = "camera", params = { duration = "400 ms" } }"#,
 ];
 
 /// Estimators; the last is one that a user adds.

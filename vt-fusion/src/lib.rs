@@ -9,6 +9,7 @@ pub mod summed;
 pub mod target;
 pub mod tracking;
 pub mod tracks;
+mod unobservable;
 
 pub use fused::FusedTarget;
 pub use group::Group;

@@ -8,9 +8,8 @@ use vt_core::belief::Gaussian;
 use vt_core::error::{EstimateError, MeasureError};
 use vt_core::evidence::{Evidence, EvidenceKey};
 use vt_core::frame::{Roi, SensorId};
-use vt_core::least_squares::Spectrum;
 use vt_core::manifold::{Alloc, Coordinates, Manifold, Tangent};
-use vt_core::measurement::{Measurement, Modality, NormalEquations};
+use vt_core::measurement::{Measurement, Modality};
 use vt_core::report::{Assessment, BeliefRecord, Innovation, Status, StepReport};
 use vt_core::sketch::Mark;
 use vt_core::time::Seconds;
@@ -18,6 +17,7 @@ use vt_core::time::Seconds;
 use crate::stacked::{Stacked, StaticFusion};
 use crate::summed::information_sum;
 use crate::tracks::one_after_the_other;
+use crate::unobservable::unobservable;
 
 /// A target, or a group of targets that share detections, whatever its pose space: the one erasure of the loop.
 pub trait AnyTarget: Send {
@@ -57,12 +57,6 @@ pub trait AnyTarget: Send {
 
 /// Modalities whose measurements are listed without storage on the heap.
 const FEW: usize = 16;
-
-/// Scaled eigenvalue of the information below which the data do not determine a direction.
-const RANK_TOLERANCE: f64 = 1e-10;
-
-/// Variance, as a part of the largest in design units, up to which a direction is locked.
-const LOCKED: f64 = 1e-20;
 
 /// Good steps in a row, with the one in which it was taken, that confirm a proposal: one picture may deceive.
 const CONFIRMED: u32 = 3;
@@ -313,11 +307,16 @@ where
     pub(crate) fn restart(&mut self, belief: &Gaussian<P>) -> Result<(), EstimateError> {
         self.estimator.reset(belief)?;
         self.revert();
+        self.trust(belief);
+        Ok(())
+    }
+
+    /// Counts as tracked there from now on.
+    fn trust(&mut self, belief: &Gaussian<P>) {
         self.loss.reset();
         self.unconfirmed = None;
         self.status = Status::Tracking;
         self.trusted.clone_from(belief);
-        Ok(())
     }
 
     /// True when the target may be re-initialised in the step to come.
@@ -442,10 +441,7 @@ where
         })?;
         self.estimator.reset(&belief)?;
         self.forget();
-        self.loss.reset();
-        self.unconfirmed = None;
-        self.status = Status::Tracking;
-        self.trusted = belief;
+        self.trust(&belief);
         Ok(())
     }
 
@@ -459,34 +455,6 @@ where
 
     fn sketch(&self, _: usize, out: &mut Vec<Mark>) {
         self.sketch_at(&self.estimator.pose().mean, out);
-    }
-}
-
-/// Directions that `z` does not determine at the posterior `pose`, as unit tangent vectors; those that are locked (no
-/// variance) are nobody's question. Judged in units of `scale`, so that metres and radians compare.
-fn unobservable<P: Manifold>(
-    z: &dyn Measurement<P>,
-    pose: &Gaussian<P>,
-    scale: &Tangent<P>,
-    out: &mut Vec<f64>,
-) where
-    DefaultAllocator: Alloc<P::D>,
-{
-    out.clear();
-    let mut data = NormalEquations::empty(&pose.mean);
-    z.normal_equations(&pose.mean, &mut data);
-    let mut covariance = pose.covariance.clone();
-    for r in 0..scale.len() {
-        for c in 0..scale.len() {
-            data.information[(r, c)] *= scale[r] * scale[c];
-            covariance[(r, c)] /= scale[r] * scale[c];
-        }
-    }
-    let locked = LOCKED * covariance.diagonal().max();
-    for null in Spectrum::new(&data.information, RANK_TOLERANCE).unobservable() {
-        if null.dot(&(&covariance * &null)) > locked {
-            out.extend(null.component_mul(scale).normalize().iter());
-        }
     }
 }
 

@@ -212,7 +212,7 @@ impl KernelPart {
             if last < first {
                 continue;
             }
-            looked += last - first;
+            looked += last - first + 1.0;
             let few = looked < lattice.most;
             if !few {
                 return false;

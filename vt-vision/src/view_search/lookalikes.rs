@@ -68,6 +68,7 @@ mod tests {
             assert!(moved < 0.03 * (seen(&pose, &p) - seen(&pose, &center)).norm(), "{k}: {moved}");
         }
     }
+
     #[test]
     fn neighbours_lean_to_all_sides_about_axes_across_the_line_of_sight() {
         let pose = SE3::from_rotation_vector(&Vector3::new(0.3, -0.5, 0.2), Vector3::new(0.4, -0.2, 1.1));
