@@ -28,6 +28,7 @@ mod fading;
 mod linear;
 mod noise;
 mod ornstein_uhlenbeck;
+mod semidefinite;
 mod singer;
 
 pub use brownian::Brownian;
@@ -38,9 +39,9 @@ pub use coordinated_turn::CoordinatedTurn;
 pub use custom::Custom;
 pub use discrete::DiscreteWhiteAcceleration;
 pub use linear::{LinearRate, LinearStep};
-pub(crate) use noise::pivoted_factor;
-pub use noise::{driven_noise, pivoted_root, semidefinite_root};
+pub use noise::driven_noise;
 pub use ornstein_uhlenbeck::OrnsteinUhlenbeck;
+pub use semidefinite::{PivotedFactor, pivoted_root, semidefinite_root};
 pub use singer::Singer;
 
 use crate::error::ConfigError;

@@ -26,7 +26,7 @@
 use nalgebra::{DefaultAllocator, Dim};
 
 use crate::belief::Gaussian;
-use crate::dynamics::pivoted_factor;
+use crate::dynamics::PivotedFactor;
 use crate::error::EstimateError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::measurement::{Measurement, NormalEquations};
@@ -296,16 +296,10 @@ where
         if !prior.is_finite() {
             return Err(EstimateError::NotFinite("prior"));
         }
-        let (root, order, rank) = pivoted_factor(&prior.covariance);
+        let factor = PivotedFactor::new(&prior.covariance);
         // L a = start ⊟ m, as far as the prior allows.
-        let error = prior.mean.local(start);
-        let mut at = start.zero();
-        for k in 0..rank {
-            let r = order[k];
-            let known: f64 = (0..k).map(|c| root[(r, order[c])] * at[order[c]]).sum();
-            at[r] = (error[r] - known) / root[(r, r)];
-        }
-        Ok(Self { prior, root, at })
+        let at = factor.solve(&prior.mean.local(start));
+        Ok(Self { prior, root: factor.root, at })
     }
 
     fn pose(&self, at: &Tangent<P>) -> P {

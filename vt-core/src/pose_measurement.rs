@@ -2,7 +2,7 @@
 
 use nalgebra::{DefaultAllocator, Dim};
 
-use crate::dynamics::semidefinite_root;
+use crate::dynamics::pivoted_root;
 use crate::error::EstimateError;
 use crate::manifold::{Alloc, Manifold, Square, Tangent};
 use crate::measurement::{Level, Linearized, Measurement, NormalEquations, Quality};
@@ -27,7 +27,7 @@ where
 {
     /// A measured pose with symmetric positive semi-definite `information`.
     pub fn new(pose: P, information: Square<P>, quality: Quality) -> Self {
-        let root = semidefinite_root(&information);
+        let root = pivoted_root(&information);
         Self { pose, information, root, quality }
     }
 

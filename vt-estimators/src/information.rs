@@ -13,6 +13,7 @@
 use nalgebra::{DefaultAllocator, Dim};
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
+use vt_core::dynamics::PivotedFactor;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::measurement::{Measurement, NormalEquations};
@@ -46,11 +47,11 @@ fn invert<D: Dim>(m: &nalgebra::OMatrix<f64, D, D>) -> Option<(nalgebra::OMatrix
 where
     DefaultAllocator: Alloc<D>,
 {
-    let factor = cholesky(m.clone())?;
-    let l = factor.l_dirty();
-    // A pivot that is rounding of its own diagonal entry says that the matrix is singular.
-    let regular = (0..l.nrows()).all(|k| l[(k, k)] * l[(k, k)] > 1e-12 * m[(k, k)]);
-    regular.then(|| (factor.inverse(), log_det(l)))
+    // A pivot that is rounding of its own diagonal entry says that the matrix is singular; without pivoting rounding grows.
+    let PivotedFactor { root, rank, .. } = PivotedFactor::new(m);
+    let regular = rank == m.nrows() && (0..rank).all(|k| root[(k, k)] * root[(k, k)] > 1e-12 * m[(k, k)]);
+    let factor = cholesky(m.clone()).filter(|_| regular)?;
+    Some((factor.inverse(), log_det(factor.l_dirty())))
 }
 
 impl<P, S, M> InformationFilter<P, S, M>
@@ -162,11 +163,11 @@ where
             let delta = &covariance * &vector;
             if let Some((_, log_det_before)) = before {
                 // yᵀy − bᵀ(Y + A)⁻¹b with yᵀy = bᵀA⁺b.
-                let root = vt_core::dynamics::semidefinite_root(&data.information);
-                let whitened = crate::map::pseudo_solve(&root, &data.gradient).norm_squared();
+                let factor = PivotedFactor::new(&data.information);
+                let whitened = factor.solve(&data.gradient).norm_squared();
                 let explained = vector.dot(&delta);
                 innovation.nis = (whitened - explained).max(0.0);
-                innovation.dof = crate::map::directions(&root, data.rows);
+                innovation.dof = factor.rank.min(data.rows);
                 innovation.log_evidence = -data.cost + 0.5 * (explained - log_det + log_det_before);
             }
             mean = self.mean.retract(&delta);

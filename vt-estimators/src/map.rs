@@ -2,9 +2,9 @@
 //! covariance (paper Eq. 6). One iteration is the extended Kalman filter, several are the iterated one (equal to
 //! Gauss–Newton on prior and data, Bell and Cathey 1993).
 
-use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector, U1};
+use nalgebra::DefaultAllocator;
 use vt_core::belief::{Gaussian, State};
-use vt_core::dynamics::semidefinite_root;
+use vt_core::dynamics::PivotedFactor;
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::measurement::{Measurement, NormalEquations};
@@ -47,7 +47,7 @@ where
     z.fits(prior.mean.pose())?;
     let mut equations = NormalEquations::empty(prior.mean.pose());
     let mut innovation = Innovation::default();
-    let spread = (iterations > 1).then(|| semidefinite_root(&prior.covariance));
+    let spread = (iterations > 1).then(|| PivotedFactor::new(&prior.covariance));
     let cost_at = |x: &S, equations: &mut NormalEquations<P>| {
         z.normal_equations(x.pose(), equations);
         if !equations.gradient.iter().chain(equations.information.iter()).all(|v| v.is_finite()) {
@@ -154,51 +154,25 @@ where
         DefaultAllocator: AllocPair<S::D, P::D>,
     {
         let np = data.gradient.shape_generic().0;
-        let root = semidefinite_root(&data.information);
-        let y = pseudo_solve(&root, &data.gradient);
+        let factor = PivotedFactor::new(&data.information);
+        let (root, y) = (&factor.root, factor.solve(&data.gradient));
         let nu = &y - root.tr_mul(&self.mean.rows_generic(0, np));
         let gain = Gain::new(&self.covariance, &root.transpose(), None)?;
         let delta = &self.mean + &gain.gain * &nu;
         let covariance = gain.joseph(&self.covariance, &root.transpose(), None);
         let (nis, log_det) = gain.surprise(&nu);
         innovation.nis = nis;
-        innovation.dof = directions(&root, data.rows);
+        // Never more than rows, whatever rounding leaves.
+        innovation.dof = factor.rank.min(data.rows);
         innovation.log_evidence = -data.cost + 0.5 * (y.norm_squared() - nis - log_det);
         Ok((delta, covariance))
     }
 }
 
-/// `R⁺ b` for a lower-trapezoidal `R` as [`semidefinite_root`] makes it: forward substitution, zero where a column is.
-pub(crate) fn pseudo_solve<D: Dim>(root: &OMatrix<f64, D, D>, b: &OVector<f64, D>) -> OVector<f64, D>
-where
-    DefaultAllocator: Alloc<D>,
-{
-    let mut rest = b.clone();
-    let mut y = OVector::zeros_generic(b.shape_generic().0, U1);
-    for k in 0..root.ncols() {
-        let pivot = root[(k, k)];
-        if pivot > 0.0 {
-            y[k] = rest[k] / pivot;
-            for r in k..root.nrows() {
-                rest[r] -= root[(r, k)] * y[k];
-            }
-        }
-    }
-    y
-}
-
-/// `½ ‖x ⊟ prior‖²`, with `root` that of the prior's covariance; nothing along coordinates without variance.
-fn departure<S: Manifold>(prior: &Gaussian<S>, root: &Square<S>, x: &S) -> f64
+/// `½ ‖x ⊟ prior‖²`, with the factor of the prior's covariance; nothing along coordinates without variance.
+fn departure<S: Manifold>(prior: &Gaussian<S>, factor: &PivotedFactor<S::D>, x: &S) -> f64
 where
     DefaultAllocator: Alloc<S::D>,
 {
-    0.5 * pseudo_solve(root, &prior.mean.local(x)).norm_squared()
-}
-
-/// Observable directions of data with this root: never more than rows, whatever rounding leaves.
-pub(crate) fn directions<D: Dim>(root: &OMatrix<f64, D, D>, rows: usize) -> usize
-where
-    DefaultAllocator: Alloc<D>,
-{
-    (0..root.ncols()).filter(|&k| root[(k, k)] > 0.0).count().min(rows)
+    0.5 * factor.solve(&prior.mean.local(x)).norm_squared()
 }

@@ -11,7 +11,7 @@
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector};
 use vt_core::agent::{Dynamics, Estimator};
 use vt_core::belief::{Gaussian, State, pose_marginal, symmetrize};
-use vt_core::dynamics::{pivoted_root, semidefinite_root};
+use vt_core::dynamics::{PivotedFactor, pivoted_root};
 use vt_core::error::EstimateError;
 use vt_core::manifold::{Alloc, AllocPair, Manifold, Square, Tangent};
 use vt_core::math;
@@ -23,7 +23,6 @@ use vt_core::time::Seconds;
 
 use crate::gaussian_filter::GaussianFilter;
 use crate::kalman::fits;
-use crate::map::{directions, pseudo_solve};
 use crate::prior::{at_rest, checked, replaces};
 
 /// Extended Kalman filter in square-root form for a state `S` with a pose `P` under the dynamics `M`.
@@ -227,12 +226,12 @@ where
         if !data.gradient.iter().chain(data.information.iter()).all(|v| v.is_finite()) {
             return Err(EstimateError::NotFinite("the measurement"));
         }
-        let root = semidefinite_root(&data.information);
-        let y = pseudo_solve(&root, &data.gradient);
-        let (nis, log_det) = self.condition::<P::D>(&y, &root.transpose())?;
+        let factor = PivotedFactor::new(&data.information);
+        let y = factor.solve(&data.gradient);
+        let (nis, log_det) = self.condition::<P::D>(&y, &factor.root.transpose())?;
         Ok(Innovation {
             nis,
-            dof: directions(&root, data.rows),
+            dof: factor.rank.min(data.rows),
             log_evidence: -data.cost + 0.5 * (y.norm_squared() - nis - log_det),
             iterations: 1,
             stop: StopReason::Direct,

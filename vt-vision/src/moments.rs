@@ -194,8 +194,9 @@ mod tests {
             }
             let found = Moments::of_plane(&plane, plane.region()).ellipse().unwrap();
             prop_assert!((found.centre - Point2::new(x, y)).norm() < 0.05, "{:?}", found);
-            let [a, b] = found.half_axes;
-            prop_assert!((a - long).abs() < 0.1 && (b - long * ratio).abs() < 0.1, "{:?}", found);
+            // Shares of pixels smear the ellipse by one pixel, and each is only known to its pixel.
+            let [a, b] = [long, long * ratio].map(|half| (half * half + 8.0 * PIXEL).sqrt());
+            prop_assert!((found.half_axes[0] - a).abs() < 0.05 && (found.half_axes[1] - b).abs() < 0.05, "{:?}", found);
             let off = math::sin(found.angle - angle).abs();
             prop_assert!(off < 0.05 / (long * (1.0 - ratio)), "{:?} {}", found, angle);
         }

@@ -4,10 +4,11 @@ use core::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
-use nalgebra::{Matrix2x3, Matrix3, Point2, Point3, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point2, Point3, Vector3};
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
 use vt_core::frame::{Payload, SensorId};
+use vt_core::lie::{SE3, image_of_plane_point};
 use vt_core::report::{Status, StepReport};
 use vt_core::sketch::{Mark, Role};
 
@@ -68,8 +69,8 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// On the pictures of this sensor. With `project` the uncertainty of the model's origin is drawn, with `search`
-    /// also search lines and missing observations.
+    /// On the pictures of this sensor. The uncertainty of the model's origin is drawn, for bodies in space with `project`
+    /// alone; with `search` also search lines and missing observations.
     pub fn new(sensor: SensorId, project: Option<Projector>, search: bool) -> Self {
         Self { sensor, project, search, marks: vec![] }
     }
@@ -85,7 +86,7 @@ impl Drawing {
         self.marks.clear();
         for (k, report) in step.reports.iter().enumerate() {
             (step.sketch)(k, &mut self.marks);
-            self.marks.extend(self.project.as_ref().and_then(|p| origin(report, p)));
+            self.marks.extend(origin(report, self.project.as_ref()));
         }
         for (role, colour, _) in ROLES {
             if self.search || !matches!(role, Role::Search | Role::Missing) {
@@ -101,7 +102,7 @@ impl Drawing {
 }
 
 impl Overlays {
-    /// Pictures of one sensor in `folder`. With `project` the uncertainty of the model's origin is drawn.
+    /// Pictures of one sensor in `folder`. The uncertainty of the model's origin is drawn, for bodies in space with `project` alone.
     ///
     /// # Errors
     /// [`DeviceError`] when an old contact sheet cannot be removed.
@@ -202,10 +203,20 @@ fn legend(canvas: &mut Canvas, marks: &[Mark]) {
     }
 }
 
-/// The ellipse of the projected model origin. The origin moves by `R δt` under a pose error `δ`, so only the
+/// The ellipse of the image of the model's origin.
+fn origin(report: &StepReport, project: Option<&Projector>) -> Option<Mark> {
+    let (center, covariance) = match pose(report) {
+        Some(pose) => projected(report, &pose, project?)?,
+        None => image_of_plane_point(&report.posterior, &Point2::origin())?,
+    };
+    let s = covariance * CHI2_95_OF_2;
+    let shape = [s[(0, 0)], s[(0, 1)], s[(1, 1)]];
+    Some(Mark::Ellipse { center: [center.x, center.y], shape, role: Role::Uncertainty })
+}
+
+/// Image of a body's origin with its covariance. The origin moves by `R δt` under a pose error `δ`, so only the
 /// translation block of the covariance counts.
-fn origin(report: &StepReport, project: &Projector) -> Option<Mark> {
-    let pose = pose(report)?;
+fn projected(report: &StepReport, pose: &SE3, project: &Projector) -> Option<(Point2<f64>, Matrix2<f64>)> {
     let n = report.posterior.dim();
     let covariance = Matrix3::from_fn(|r, c| report.posterior.covariance[r * n + c]);
     let at = Point3::from(pose.translation);
@@ -217,8 +228,5 @@ fn origin(report: &StepReport, project: &Projector) -> Option<Mark> {
         jacobian.set_column(k, &((project(&(at + e))? - project(&(at - e))?) / (2.0 * step)));
     }
     let j = jacobian * pose.rotation.to_rotation_matrix().matrix();
-    let s = j * covariance * j.transpose() * CHI2_95_OF_2;
-    let center = project(&at)?;
-    let shape = [s[(0, 0)], s[(0, 1)], s[(1, 1)]];
-    Some(Mark::Ellipse { center: [center.x, center.y], shape, role: Role::Uncertainty })
+    Some((project(&at)?, j * covariance * j.transpose()))
 }

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 use nalgebra::Matrix3;
 use vt_core::agent::{Output, Step};
 use vt_core::error::DeviceError;
+use vt_core::lie::image_of_plane_point;
 use vt_core::metrics::PoseError;
 use vt_core::report::{Status, StepReport};
 
+use crate::boxes::{Bounds, around, seen};
 use crate::files::{forget, of_target};
 use crate::plot::{Band, CURVES, Curve, Figure, Panel, Rgb, Span};
 use crate::summary::pose;
@@ -27,7 +29,7 @@ pub(crate) fn status_colour(status: Status) -> Rgb {
 }
 
 /// Names of the curves of a sample, with the figure that they show.
-const FIGURES: usize = 10;
+const FIGURES: usize = 13;
 const ERROR_MM: usize = 0;
 const ERROR_DEG: usize = 1;
 const SIGMA_MM: usize = 2;
@@ -38,6 +40,9 @@ const LOG_DET: usize = 6;
 const LOSS: usize = 7;
 const MEASURE_MS: usize = 8;
 const TOTAL_MS: usize = 9;
+const ERROR_PX: usize = 10;
+const SIGMA_PX: usize = 11;
+const OVERLAP: usize = 12;
 
 /// The worst of one or several neighbouring steps; NaN where there is nothing.
 #[derive(Clone, Copy, Debug)]
@@ -48,12 +53,14 @@ struct Sample {
 }
 
 impl Sample {
-    fn new(step: u64, report: &StepReport, truth: Option<&Truth>) -> Self {
+    fn new(step: u64, report: &StepReport, truth: Option<&Truth>, bounds: &Bounds) -> Self {
         let quality = report.assessment.quality;
         let t = &report.timings;
         let total = t.predict + t.measure + t.correct + t.assess + t.reinitialize;
-        let truth = truth.and_then(|t| t.poses.get(&report.frame));
-        let error = pose(report).zip(truth).map(|(p, t)| PoseError::new(&p, t));
+        let true_pose = truth.and_then(|t| t.poses.get(&report.frame));
+        let error = pose(report).zip(true_pose).map(|(p, t)| PoseError::new(&p, t));
+        let true_corners = truth.and_then(|t| t.corners.get(&report.frame));
+        let boxes = seen(report, bounds).zip(true_corners).map(|(found, t)| [around(&found), around(t)]);
         let [position, rotation] = deviations(report);
         let mut figures = [f64::NAN; FIGURES];
         figures[ERROR_MM] = error.map_or(f64::NAN, |e| 1e3 * e.translation);
@@ -66,13 +73,16 @@ impl Sample {
         figures[LOSS] = report.verdict.loss_probability;
         figures[MEASURE_MS] = 1e-6 * t.measure as f64;
         figures[TOTAL_MS] = 1e-6 * total as f64;
+        figures[ERROR_PX] = boxes.map_or(f64::NAN, |[found, t]| t.centre_error(&found));
+        figures[SIGMA_PX] = 3.0 * centre_deviation(report, bounds);
+        figures[OVERLAP] = boxes.map_or(f64::NAN, |[found, t]| t.iou(&found));
         Self { step, figures, status: report.verdict.status }
     }
 
-    /// The worse of both in everything. `f64::max` ignores NaN.
+    /// The worse of both in everything. `f64::max` and `f64::min` ignore NaN.
     fn join(&mut self, other: &Self) {
-        for (a, b) in self.figures.iter_mut().zip(other.figures) {
-            *a = a.max(b);
+        for (k, (a, b)) in self.figures.iter_mut().zip(other.figures).enumerate() {
+            *a = if k == OVERLAP { a.min(b) } else { a.max(b) };
         }
         if other.status as usize > self.status as usize {
             self.status = other.status;
@@ -97,11 +107,31 @@ fn deviations(report: &StepReport) -> [f64; 2] {
     })
 }
 
+/// Largest deviation of the image of the middle of a flat shape in pixels, over all directions; NaN for bodies in space.
+fn centre_deviation(report: &StepReport, bounds: &Bounds) -> f64 {
+    let covariance = bounds.and_then(|[first, _, third, _]| {
+        let middle = nalgebra::center(&first, &third);
+        Some(image_of_plane_point(&report.posterior, &middle)?.1)
+    });
+    let finite = covariance.filter(|c| c.iter().all(|v| v.is_finite()));
+    finite.map_or(f64::NAN, |c| c.symmetric_eigenvalues().max().max(0.0).sqrt())
+}
+
+/// A target that is plotted.
+#[derive(Clone, Debug)]
+pub struct Plotted {
+    /// Name.
+    pub name: String,
+    /// What is true of it, where that is known.
+    pub truth: Option<Truth>,
+    /// Corners of a flat model's bounds.
+    pub bounds: Bounds,
+}
+
 /// Samples of one target.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Track {
-    name: String,
-    truth: Option<Truth>,
+    target: Plotted,
     samples: Vec<Sample>,
 }
 
@@ -120,12 +150,12 @@ impl RunPlot {
     ///
     /// # Errors
     /// [`DeviceError`] when an old plot cannot be removed: it would be mistaken for that of this run.
-    pub fn create(folder: &Path, targets: Vec<(String, Option<Truth>)>) -> Result<Self, DeviceError> {
-        let names: Vec<String> = targets.iter().map(|(name, _)| name.clone()).collect();
+    pub fn create(folder: &Path, targets: Vec<Plotted>) -> Result<Self, DeviceError> {
+        let names: Vec<String> = targets.iter().map(|t| t.name.clone()).collect();
         let files: Vec<PathBuf> =
             (0..names.len()).map(|k| of_target(folder, "plot", "png", &names, k)).collect();
         files.iter().flat_map(|f| [f.clone(), f.with_extension("svg")]).try_for_each(|path| forget(&path))?;
-        let tracks = targets.into_iter().map(|(name, truth)| Track { name, truth, samples: vec![] });
+        let tracks = targets.into_iter().map(|target| Track { target, samples: vec![] });
         Ok(Self { files, tracks: tracks.collect(), index: 0, stride: 1 })
     }
 }
@@ -134,7 +164,8 @@ impl Output for RunPlot {
     fn step(&mut self, step: &Step<'_>) -> Result<ControlFlow<()>, DeviceError> {
         let fresh = self.index.is_multiple_of(self.stride);
         for (track, report) in self.tracks.iter_mut().zip(step.reports) {
-            let sample = Sample::new(self.index, report, track.truth.as_ref());
+            let Plotted { truth, bounds, .. } = &track.target;
+            let sample = Sample::new(self.index, report, truth.as_ref(), bounds);
             match track.samples.last_mut() {
                 Some(last) if !fresh => last.join(&sample),
                 _ => track.samples.push(sample),
@@ -196,29 +227,28 @@ impl Track {
             bands,
             curves,
         };
-        let known = self.samples.iter().any(|s| !s.figures[ERROR_MM].is_nan());
-        let error = |figure, name| if known { vec![self.curve(figure, name, CURVES[1])] } else { vec![] };
-        let mut panels = vec![
-            panel(
-                if known {
-                    "error and deviation of the position, mm"
-                } else {
-                    "deviation of the position, mm"
-                },
-                vec![self.band(SIGMA_MM)],
-                error(ERROR_MM, "error"),
-            ),
-            panel(
-                if known {
-                    "error and deviation of the rotation, deg"
-                } else {
-                    "deviation of the rotation, deg"
-                },
-                vec![self.band(SIGMA_DEG)],
-                error(ERROR_DEG, "error"),
-            ),
-        ];
-        if !known {
+        let known = |figure: usize| self.samples.iter().any(|s| !s.figures[figure].is_nan());
+        let accuracy = |of: &str, sigma: usize, error: usize| {
+            let (title, curves) = if known(error) {
+                (format!("error and deviation of the {of}"), vec![self.curve(error, "error", CURVES[1])])
+            } else {
+                (format!("deviation of the {of}"), vec![])
+            };
+            panel(&title, vec![self.band(sigma)], curves)
+        };
+        let mut panels = if self.target.bounds.is_some() {
+            vec![accuracy("centre, px", SIGMA_PX, ERROR_PX)]
+        } else {
+            vec![
+                accuracy("position, mm", SIGMA_MM, ERROR_MM),
+                accuracy("rotation, deg", SIGMA_DEG, ERROR_DEG),
+            ]
+        };
+        if known(OVERLAP) {
+            let overlap = vec![self.curve(OVERLAP, "", CURVES[1])];
+            panels.push(panel("overlap of the box with the true one", vec![], overlap));
+        }
+        if !known(ERROR_MM) && !known(ERROR_PX) {
             let curves = vec![
                 self.curve(RESIDUAL, "rms of the residuals (1: as claimed)", CURVES[0]),
                 self.curve(MISSING, "share without support", CURVES[1]),
@@ -241,6 +271,9 @@ impl Track {
         let times =
             vec![self.curve(TOTAL_MS, "all", CURVES[0]), self.curve(MEASURE_MS, "measurement", CURVES[1])];
         panels.push(panel("time of the target, ms", vec![], times));
-        Figure { title: format!("{} over {} steps", self.name, self.samples.len() as u64 * stride), panels }
+        Figure {
+            title: format!("{} over {} steps", self.target.name, self.samples.len() as u64 * stride),
+            panels,
+        }
     }
 }

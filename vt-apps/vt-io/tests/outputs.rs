@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use image::AnimationDecoder;
 use vt_core::agent::{Output, Step};
+use vt_core::belief::Gaussian;
 use vt_core::evidence::Evidence;
 use vt_core::frame::{Frame, Payload, SensorId};
-use vt_core::lie::SE3;
+use vt_core::lie::{SE3, Vector};
 use vt_core::nalgebra::{Point3, UnitQuaternion, Vector3};
 use vt_core::report::{BeliefRecord, Status, StepReport};
 use vt_core::sketch::{Mark, Role};
@@ -17,7 +18,7 @@ use vt_io::gif::{Gif, GifSettings};
 use vt_io::overlay::{Drawing, Overlays, Settings};
 use vt_io::poses::Poses;
 use vt_io::report::{Header, Report};
-use vt_io::run_plot::RunPlot;
+use vt_io::run_plot::{Plotted, RunPlot};
 use vt_io::steps::Steps;
 use vt_io::summary::Summary;
 use vt_io::truth::Truth;
@@ -223,6 +224,51 @@ fn the_animation_ends_at_its_largest_size_and_an_old_one_is_removed() {
     assert!(!dir.path().join("overlays.gif").exists());
 }
 
+/// A report of a flat target at (x, 60), 2 px uncertain across and 6 px along the picture's rows.
+fn flat(frame: u64, x: f64) -> StepReport {
+    let mut report = StepReport { target: "card".into(), frame, ..StepReport::default() };
+    report.posterior.set(&Gaussian::from_sigmas(Vector([x, 60.0].into()), &[6.0, 2.0].into()));
+    report
+}
+
+#[test]
+fn flat_targets_have_their_ellipse_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let settings = Settings { sheet: false, ..Settings::default() };
+    let overlays = Overlays::create(dir.path(), SensorId(0), None, settings).unwrap();
+    play(&mut [Box::new(overlays)], &[vec![flat(1, 80.0)]]);
+    let picture = image::open(dir.path().join("overlays/step_00000_frame_0001.png")).unwrap().into_rgb8();
+    let cyan = |x: u32, y: u32| picture.get_pixel(x, y).0[2] > 200 && picture.get_pixel(x, y).0[0] < 140;
+    // 95 % of a plane lie within 2.45 deviations.
+    let across: Vec<u32> = (62..80).filter(|&x| cyan(x, 60)).collect();
+    let down: Vec<u32> = (40..60).filter(|&y| cyan(80, y)).collect();
+    assert!(across.contains(&65) && across.iter().all(|x| x.abs_diff(65) < 2), "{across:?}");
+    assert!(down.contains(&55) && down.iter().all(|y| y.abs_diff(55) < 2), "{down:?}");
+}
+
+#[test]
+fn flat_targets_are_plotted_in_pixels() {
+    let dir = tempfile::tempdir().unwrap();
+    let corners = |x: f64| {
+        [(x - 9.0, 50.0), (x + 9.0, 50.0), (x + 9.0, 70.0), (x - 9.0, 70.0)].map(|(x, y)| [x, y].into())
+    };
+    let truth = Truth::of_corners((1..4).map(|k| (k, corners(80.0))).collect());
+    let bounds = Some([(-9.0, -10.0), (9.0, -10.0), (9.0, 10.0), (-9.0, 10.0)].map(|(x, y)| [x, y].into()));
+    let card = Plotted { name: "card".to_owned(), truth: Some(truth), bounds };
+    let mut plot = RunPlot::create(dir.path(), vec![card]).unwrap();
+    for k in 1..4 {
+        let reports = [flat(k, 80.0 + k as f64)];
+        let step = Step { evidence: &Evidence::default(), reports: &reports, sketch: &|_, _| {} };
+        assert!(plot.step(&step).unwrap().is_continue());
+    }
+    plot.finish().unwrap();
+    let svg = std::fs::read_to_string(dir.path().join("plot.svg")).unwrap();
+    for title in ["error and deviation of the centre, px", "overlap of the box with the true one"] {
+        assert!(svg.contains(title), "{title}");
+    }
+    assert!(!svg.contains("residuals") && !svg.contains("mm"));
+}
+
 #[test]
 fn the_plot_of_an_interrupted_run_is_whole_in_both_forms() {
     let mut truth = Truth::default();
@@ -230,7 +276,9 @@ fn the_plot_of_an_interrupted_run_is_whole_in_both_forms() {
     for (truth, word) in [(Some(truth), "error and deviation"), (None, "residuals")] {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("plot.svg"), "old").unwrap();
-        let plot = RunPlot::create(dir.path(), vec![("castle".to_owned(), truth)]).unwrap();
+        let plot =
+            RunPlot::create(dir.path(), vec![Plotted { name: "castle".to_owned(), truth, bounds: None }])
+                .unwrap();
         assert!(!dir.path().join("plot.svg").exists());
         let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(plot)];
         let mut steps = one(&[1, 2, 3]);
@@ -250,7 +298,9 @@ fn the_plot_of_an_interrupted_run_is_whole_in_both_forms() {
 #[test]
 fn the_plot_of_a_long_run_keeps_its_one_bad_step() {
     let dir = tempfile::tempdir().unwrap();
-    let plot = RunPlot::create(dir.path(), vec![("castle".to_owned(), None)]).unwrap();
+    let plot =
+        RunPlot::create(dir.path(), vec![Plotted { name: "castle".to_owned(), truth: None, bounds: None }])
+            .unwrap();
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(plot)];
     let mut steps = one(&vec![1; 10_001]);
     steps[5001][0].verdict = vt_core::report::Verdict { status: Status::Lost, loss_probability: 1.0 };

@@ -196,10 +196,14 @@ impl Checker<'_> {
             let warps = self.registry.listings();
             let warp = model.and_then(|m| warps.iter().find(|l| l.key == "warp" && l.kind == m.warp.kind));
             let space = space(warp);
-            for (key, role) in [("init", "init"), ("loss", "loss detector"), ("reinit", "re-initialiser")] {
+            for (key, role) in [
+                ("init", "init"),
+                ("loss", "loss detector"),
+                ("reinit", "re-initialiser"),
+                ("truth", "truth"),
+            ] {
                 self.choice(&format!("{path}.{key}"), key, role, space);
             }
-            self.choice(&format!("{path}.truth"), "truth", "truth", None);
             let fusion = self.choice(&format!("{path}.fusion"), "fusion", "fusion", space);
             let estimator = self.choice(&format!("{path}.estimator"), "estimator", "estimator", space);
             if target.modalities.is_empty() {

@@ -195,6 +195,13 @@ impl<R: Role> Method<R> {
         self
     }
 
+    /// Is for targets of these pose spaces alone.
+    #[must_use]
+    pub fn spaces(mut self, spaces: &[&'static str]) -> Self {
+        self.listing.spaces = spaces.to_vec();
+        self
+    }
+
     /// Its line in the table.
     pub fn listing(&self) -> &Listing {
         &self.listing

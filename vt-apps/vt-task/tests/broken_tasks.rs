@@ -141,6 +141,7 @@ fn every_fault_is_found_where_it_is() {
         "a fisheye too wide for the simulation": "focal = [\"200 px\", \"200 px\"]" => "distortion = { kind = \"kannala-brandt\", params = {} }, focal = [\"50 px\", \"50 px\"]", at "", P::Mismatch { .. }, nearest None, expected "at most 70";
         "a fisheye that folds back": "focal = [\"200 px\", \"200 px\"]" => "distortion = { kind = \"kannala-brandt\", params = { k1 = -20.0 } }, focal = [\"200 px\", \"200 px\"]", at "", P::Value { .. }, nearest None, expected "a camera";
         "uncalibrated and colour": "sensor = \"camera\", params" => "sensor = \"bare\", params", at "\"bare\"", P::Mismatch { .. }, nearest None, expected "camera";
+        "boxes of a body in space": "{ kind = \"simulated\", params = { sensor = \"camera\" } }" => "{ kind = \"boxes\", params = { path = \"Cargo.toml\" } }", at "\"boxes\"", P::Mismatch { .. }, nearest None, expected "pose space se3";
         "no modality": "modalities = [{ kind = \"edges\", level = \"feature\", sensor = \"camera\", params = { sigma = \"0.5 px\" } }]" => "modalities = []", at "[]", P::Value { .. }, nearest None, expected "at least one";
         "two rotations": "start = {" => "start = { rotation = [\"1 deg\", \"1 deg\", \"1 deg\"], quaternion = [0.0, 0.0, 0.0, 1.0],", at "", P::Value { .. }, nearest None, expected "one of `rotation`";
         "locked twice": "locked = [\"rz\"]" => "locked = [\"rz\", \"rz\"]", at "[\"rz\", \"rz\"]", P::Value { .. }, nearest None, expected "at most once";

@@ -46,7 +46,7 @@ mod spiral;
 mod translation_scale;
 mod vector;
 
-pub use planar::{PlanarMotion, picture_from_plane};
+pub use planar::{PlanarMotion, image_of_plane_point, picture_from_plane};
 pub use product::Product;
 pub use projective::{Affine2, SL3};
 pub use se2::SE2;

@@ -30,17 +30,18 @@ where
     /// The motion that leaves out of a similarity what this group does not have.
     fn of(similarity: &Sim2) -> Self;
 
-    /// Image of the origin, and how points about it move: `y ≈ c + L x`.
-    fn about_origin(&self) -> (Point2<f64>, Matrix2<f64>) {
+    /// Image of `x`, and how points about it move: `y(x + d) ≈ c + L d`.
+    fn about(&self, x: &Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
         let m = self.matrix();
-        let c = Point2::new(m.m13, m.m23) / m.m33;
+        let h = m * x.to_homogeneous();
+        let c = Point2::new(h.x, h.y) / h.z;
         let [a, b] = [m.m31, m.m32];
-        (c, Matrix2::new(m.m11 - c.x * a, m.m12 - c.x * b, m.m21 - c.y * a, m.m22 - c.y * b) / m.m33)
+        (c, Matrix2::new(m.m11 - c.x * a, m.m12 - c.x * b, m.m21 - c.y * a, m.m22 - c.y * b) / h.z)
     }
 
     /// The similarity that is nearest to the motion at the origin.
     fn similarity(&self) -> Sim2 {
-        let (c, l) = self.about_origin();
+        let (c, l) = self.about(&Point2::origin());
         let angle = math::atan2(l.m21 - l.m12, l.m11 + l.m22);
         Sim2::new(c.x, c.y, angle, l.determinant().abs().sqrt())
     }
@@ -127,6 +128,18 @@ impl PlanarMotion for SL3 {
     }
 }
 
+/// Calls a function of the pose space for each space of the plane, until one knows the record.
+macro_rules! first_of_plane {
+    ($of:ident, $($argument:expr),+) => {
+        None.or_else(|| $of::<Vector<2>>($($argument),+))
+            .or_else(|| $of::<TranslationScale>($($argument),+))
+            .or_else(|| $of::<SE2>($($argument),+))
+            .or_else(|| $of::<Sim2>($($argument),+))
+            .or_else(|| $of::<Affine2>($($argument),+))
+            .or_else(|| $of::<SL3>($($argument),+))
+    };
+}
+
 /// Homogeneous matrix of the mean of a belief about a motion of the plane, whichever it is; `None` for other spaces.
 pub fn picture_from_plane(record: &BeliefRecord) -> Option<Matrix3<f64>> {
     fn of<P: PlanarMotion>(record: &BeliefRecord) -> Option<Matrix3<f64>>
@@ -136,8 +149,24 @@ pub fn picture_from_plane(record: &BeliefRecord) -> Option<Matrix3<f64>> {
         let read = || Some(P::read(&record.coordinates)?.matrix());
         (record.space == P::SPACE).then(read).flatten()
     }
-    let spaces = [of::<Vector<2>>, of::<TranslationScale>, of::<SE2>, of::<Sim2>, of::<Affine2>, of::<SL3>];
-    spaces.iter().find_map(|f| f(record))
+    first_of_plane!(of, record)
+}
+
+/// Image of the point `x` of the plane under a belief about a motion of the plane, and its covariance to first order,
+/// both in the units of the picture; `None` for other spaces.
+pub fn image_of_plane_point(record: &BeliefRecord, x: &Point2<f64>) -> Option<(Point2<f64>, Matrix2<f64>)> {
+    fn of<P: PlanarMotion>(record: &BeliefRecord, x: &Point2<f64>) -> Option<(Point2<f64>, Matrix2<f64>)>
+    where
+        DefaultAllocator: Alloc<P::D>,
+    {
+        let belief = record.get::<P>()?;
+        let (image, derivative) = belief.mean.about(x);
+        // The point moves by its generators first, on the right.
+        let generators = P::generators(x);
+        let moved = &generators * &belief.covariance * generators.transpose();
+        Some((image, derivative * moved * derivative.transpose()))
+    }
+    first_of_plane!(of, record, x)
 }
 
 #[cfg(test)]
@@ -156,12 +185,13 @@ mod record_tests {
         // By differences, of a homography with a tilt.
         let tilted = SL3::of(&s)
             .compose(&SL3::exp(&nalgebra::SVector::from([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.03])));
-        let (c, l) = tilted.about_origin();
-        assert!((c - tilted.act(&Point2::origin())).norm() < 1e-12);
-        for (k, e) in [nalgebra::Vector2::x(), nalgebra::Vector2::y()].into_iter().enumerate() {
-            let step = 1e-6 * e;
-            let difference = tilted.act(&(Point2::origin() + step)) - tilted.act(&(Point2::origin() - step));
-            assert!((difference / 2e-6 - l.column(k)).norm() < 1e-8);
+        for x in [Point2::origin(), x] {
+            let (c, l) = tilted.about(&x);
+            assert!((c - tilted.act(&x)).norm() < 1e-12);
+            for (k, e) in [nalgebra::Vector2::x(), nalgebra::Vector2::y()].into_iter().enumerate() {
+                let difference = tilted.act(&(x + 1e-6 * e)) - tilted.act(&(x - 1e-6 * e));
+                assert!((difference / 2e-6 - l.column(k)).norm() < 1e-8);
+            }
         }
         assert!((SL3::of(&s).similarity().matrix() - s.matrix()).norm() < 1e-12);
         assert_eq!(TranslationScale::of(&s), TranslationScale::new(3.0, 4.0, 2.0));
@@ -178,5 +208,28 @@ mod record_tests {
         assert!((picture_from_plane(&record).unwrap() - pose.matrix()).norm() < 1e-12);
         record.space = "se3";
         assert_eq!(picture_from_plane(&record), None);
+        assert_eq!(image_of_plane_point(&record, &Point2::origin()), None);
+    }
+
+    /// Against differences, by a homography and a covariance with all correlations.
+    #[test]
+    fn a_point_is_as_uncertain_as_the_motion_makes_it() {
+        let exp = |v: [f64; 8]| SL3::exp(&nalgebra::SVector::from(v));
+        let mean = SL3::of(&Sim2::new(30.0, -20.0, 0.4, 1.5))
+            .compose(&exp([0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 2e-3, -3e-3]));
+        let root = SMatrix::<f64, 8, 8>::from_fn(|r, c| 1e-3 * (((5 * r + 3 * c) % 7) as f64 - 3.0));
+        let mut record = BeliefRecord::default();
+        record.set(&Gaussian { mean, covariance: root * root.transpose() });
+        let x = Point2::new(12.0, -7.0);
+        let (image, covariance) = image_of_plane_point(&record, &x).unwrap();
+        assert!((image - mean.act(&x)).norm() < 1e-9);
+        let jacobian = SMatrix::<f64, 2, 8>::from_columns(&core::array::from_fn::<_, 8, _>(|k| {
+            let moved = |step: f64| {
+                mean.compose(&exp(core::array::from_fn(|i| if i == k { step } else { 0.0 }))).act(&x)
+            };
+            (moved(1e-6) - moved(-1e-6)) / 2e-6
+        }));
+        let expected = jacobian * root * root.transpose() * jacobian.transpose();
+        assert!((covariance - expected).amax() < 1e-7 * expected.amax(), "{covariance} {expected}");
     }
 }

@@ -245,7 +245,7 @@ where
             Some(k) => last.mean.retract(&unit(k, vt_core::math::ln(peak.size))),
             None => last.mean.clone(),
         };
-        let (centre, linear) = sized.about_origin();
+        let (centre, linear) = sized.about(&Point2::origin());
         let object_from_image = linear.try_inverse()?;
         let shift = object_from_image * (peak.centre() - centre);
         let mean = sized.retract(&(unit(0, shift.x) + unit(1, shift.y)));
@@ -358,7 +358,7 @@ where
         back_project(&bins.bins, &self.table, &mut self.back);
         self.integral.compute(&self.back);
         // Upright box around the object at the last trusted pose.
-        let a = last.mean.about_origin().1;
+        let a = last.mean.about(&Point2::origin()).1;
         let corners = self.rectangle.corners().map(|corner| a * corner.coords);
         let sides = [0, 1].map(|k| 2.0 * corners.iter().fold(0.0, |most: f64, c| most.max(c[k].abs())));
         let scaled = scale_coordinate::<P>().is_some_and(|k| last.covariance[(k, k)] > 0.0);

@@ -168,7 +168,7 @@ where
         for turn in steps(self.params.turn) {
             for growth in steps(math::ln(self.params.magnification)) {
                 let similarity = Sim2::new(0.0, 0.0, known.angle() + turn, known.scale * math::exp(growth));
-                let (_, linear) = P::of(&similarity).about_origin();
+                let (_, linear) = P::of(&similarity).about(&Point2::origin());
                 if postures.iter().all(|p| (p.linear - linear).amax() > 1e-9 * linear.amax()) {
                     postures.push(Posture { linear, similarity, starts: vec![] });
                 }

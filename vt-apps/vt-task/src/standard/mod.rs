@@ -38,6 +38,9 @@ use crate::roles::{
     Losses, Modalities, Motions, Outputs, Place, Reinits, Sensors, Shapes, StateAlloc, Truths, Warps,
 };
 
+/// Name of the pose space of bodies.
+const SOLID: &[&str] = &[<SE3 as Coordinates>::SPACE];
+
 impl Registry {
     /// All methods of this project.
     pub fn standard() -> Self {
@@ -116,10 +119,16 @@ impl Registry {
             .with(Method::<Inits<SE3>>::new("file", "a pose from a file", init::file))
             .with(Method::<Inits<SE3>>::new("truth", "the true pose of the first frame", init::truth))
             .with(Method::<Inits<SE3>>::new("auto", "the body is searched in the first frame", views::auto))
-            .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum))
-            .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices))
-            .with(Method::<Truths>::new("boxes", "x y width height of a flat target, a line a frame", truth::boxes))
-            .with(Method::<Truths>::new("corners", "four corners of a flat target, a line a frame", truth::corners))
+            .with(Method::<Truths>::new("tum", "poses by frame from a file", truth::tum).spaces(SOLID))
+            .with(Method::<Truths>::new("matrices", "a folder of 4x4 matrices", truth::matrices).spaces(SOLID))
+            .with(
+                Method::<Truths>::new("boxes", "x y width height of a flat target, a line a frame", truth::boxes)
+                    .spaces(planar::FLAT),
+            )
+            .with(
+                Method::<Truths>::new("corners", "four corners of a flat target, a line a frame", truth::corners)
+                    .spaces(planar::FLAT),
+            )
             .with(Method::<Truths>::new("simulated", "what a simulated sensor knows", truth::simulated))
             .with(
                 Method::<Modalities<SE3>>::new("edges", "model contour against image edges", edges::edges)

@@ -12,7 +12,7 @@ use vt_io::gif::{Gif, GifSettings};
 use vt_io::overlay::{Drawing, Overlays, Projector, Settings};
 use vt_io::poses::Poses;
 use vt_io::report::Report;
-use vt_io::run_plot::RunPlot;
+use vt_io::run_plot::{Plotted, RunPlot};
 use vt_io::steps::Steps;
 
 use crate::quantity::Span;
@@ -170,8 +170,13 @@ pub(super) fn gif(p: GifParams, c: OutputContext<'_>) -> Built {
 }
 
 pub(super) fn plot(_: NoParams, c: OutputContext<'_>) -> Built {
-    let targets = c.summary.targets.iter().map(|t| (t.name.clone(), t.truth().cloned())).collect();
-    Ok(Box::new(RunPlot::create(c.folder, targets).map_err(failed)?))
+    let targets = c.summary.targets.iter().zip(c.bounds);
+    let targets = targets.map(|(t, bounds)| Plotted {
+        name: t.name.clone(),
+        truth: t.truth().cloned(),
+        bounds: *bounds,
+    });
+    Ok(Box::new(RunPlot::create(c.folder, targets.collect()).map_err(failed)?))
 }
 
 /// One line a frame for flat targets.

@@ -7,7 +7,7 @@ use vt_core::belief::Gaussian;
 use vt_core::dynamics::{Brownian, ConstantVelocity, OrnsteinUhlenbeck};
 use vt_core::error::ConfigError;
 use vt_core::lie::{Affine2, LieGroup, PlanarMotion, SE2, SL3, Sim2, TranslationScale, Vector};
-use vt_core::manifold::{Alloc, Tangent};
+use vt_core::manifold::{Alloc, Coordinates, Tangent};
 use vt_core::time::Seconds;
 use vt_fusion::reinitialization::PriorPoses;
 use vt_models::outline::Outline;
@@ -51,7 +51,11 @@ macro_rules! spaces {
         impl PlanarSpace for $space {
             const AXES: &'static [Axis] = &[$(Axis::$axis),+];
         }
-    )+};
+    )+
+
+    /// Names of the pose spaces of flat models.
+    pub(super) const FLAT: &[&str] = &[$(<$space as Coordinates>::SPACE),+];
+    };
 }
 
 spaces! {
