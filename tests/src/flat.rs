@@ -50,14 +50,32 @@ pub const ESTIMATORS: [&str; 4] = [
     r#"{ kind = "map" }"#,
 ];
 
-/// The task with these modalities. What is learnt in the first frame starts at the truth, since it would keep the error of its start;
-/// outlines start off it.
-pub fn task(seed: u64, modalities: &str, estimator: &str) -> String {
-    let learnt = modalities.contains("color") || modalities.contains("template");
-    let [x, y, angle] = if learnt { [119.5, 89.5, 0.0] } else { [121.5, 89.0, 1.0] };
-    let colours = colours(modalities);
-    format!(
-        r#"
+/// A task on a simulated scene of a patch of 50 x 36 px.
+pub struct Patch<'a> {
+    /// Of scene and filter.
+    pub seed: u64,
+    /// Frames of the scene.
+    pub frames: usize,
+    /// Further parameters of the scene, a line each.
+    pub scene: &'a str,
+    /// Kind of the warp.
+    pub warp: &'a str,
+    /// Deviations of the random walk that the filter expects, a table.
+    pub noise: &'a str,
+    /// Modalities, separated by commas.
+    pub modalities: &'a str,
+    /// Estimator, a table.
+    pub estimator: &'a str,
+    /// Parameters of the first pose, a table.
+    pub start: &'a str,
+}
+
+impl Patch<'_> {
+    /// Text of the task.
+    pub fn task(&self) -> String {
+        let Self { seed, frames, scene, warp, noise, modalities, estimator, start } = self;
+        format!(
+            r#"
 version = 1
 seed = {seed}
 [[sensors]]
@@ -67,27 +85,46 @@ picture = "colour"
 [sensors.params]
 model = "object"
 size = [240, 180]
-frames = {FRAMES}
+frames = {frames}
 rate = "25 Hz"
 translation = "1.5 px"
-rotation = "0.5 deg"
 scale = 0.003
-colours = {colours}
+{scene}
 [[models]]
 name = "object"
 shape = {{ kind = "rectangle", params = {{ size = ["50 px", "36 px"] }} }}
-warp = {{ kind = "sim2" }}
-dynamics = {{ kind = "brownian", params = {{ translation = "10 px/s^0.5", rotation = "4 deg/s^0.5", scale = "3 %/s^0.5" }} }}
+warp = {{ kind = "{warp}" }}
+dynamics = {{ kind = "brownian", params = {noise} }}
 [[targets]]
 name = "object"
 model = "object"
 modalities = [{modalities}]
 estimator = {estimator}
-[targets.init]
-kind = "pose"
-params = {{ picture_from_object = {{ translation = ["{x} px", "{y} px"], rotation = "{angle} deg" }}, sigma = {{ translation = "2 px", rotation = "2 deg", scale = "1 %" }} }}
+init = {{ kind = "pose", params = {start} }}
 "#
-    )
+        )
+    }
+}
+
+/// The task with these modalities. What is learnt in the first frame starts at the truth, since it would keep the error of its start;
+/// outlines start off it.
+pub fn task(seed: u64, modalities: &str, estimator: &str) -> String {
+    let learnt = modalities.contains("color") || modalities.contains("template");
+    let [x, y, angle] = if learnt { [119.5, 89.5, 0.0] } else { [121.5, 89.0, 1.0] };
+    let start = format!(
+        r#"{{ picture_from_object = {{ translation = ["{x} px", "{y} px"], rotation = "{angle} deg" }}, sigma = {{ translation = "2 px", rotation = "2 deg", scale = "1 %" }} }}"#
+    );
+    Patch {
+        seed,
+        frames: FRAMES,
+        scene: &format!("rotation = \"0.5 deg\"\ncolours = {}", colours(modalities)),
+        warp: "sim2",
+        noise: r#"{ translation = "10 px/s^0.5", rotation = "4 deg/s^0.5", scale = "3 %/s^0.5" }"#,
+        modalities,
+        estimator,
+        start: &start,
+    }
+    .task()
 }
 
 /// Colours of the patch.

@@ -16,7 +16,7 @@ use vt_core::metrics::PoseError;
 use vt_core::random::{Random, Stream};
 use vt_core::report::{Assessment, Verdict};
 use vt_estimators::kalman::KalmanFilter;
-use vt_fusion::loss::FusedLoss;
+use vt_fusion::loss::{FusedLoss, tolerated};
 use vt_fusion::{Target, TrackingLoop};
 use vt_io::canvas::Canvas;
 use vt_models::edges::{EdgeModel, EdgeOptions};
@@ -136,7 +136,15 @@ fn run(
                 let filter: Box<dyn Estimator<SE3>> = Box::new(filter);
                 let loss = Box::new(FusedLoss::default());
                 let modality = Box::new(modality.take().context("one start")?);
-                let target = Target::new("object", vec![id], vec![modality as _], filter, loss, None, sigmas);
+                let target = Target::new(
+                    "object",
+                    vec![id],
+                    vec![modality as _],
+                    filter,
+                    loss,
+                    None,
+                    tolerated(mesh.diameter()),
+                );
                 let mut fresh = TrackingLoop::new(vec![Box::new(target)]);
                 fresh.add_processing(Box::new(PyramidProcessing::new(id, params.coarse_levels)));
                 tracking.insert(fresh)

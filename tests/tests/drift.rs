@@ -5,6 +5,7 @@ use std::path::Path;
 use vt_core::lie::picture_from_plane;
 use vt_task::assembly::Scene;
 use vt_task::{Document, Registry, check};
+use vt_tests::flat::Patch;
 
 const FRAMES: usize = 30;
 const ROUNDS: usize = 16;
@@ -13,40 +14,23 @@ const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
 
 fn task(anchor: f64, seed: u64) -> String {
     let adapt = format!(r#"adapt = {{ time = "10 ms", anchor = {anchor:?} }}"#);
-    format!(
+    let modalities = format!(
         r#"
-version = 1
-seed = {seed}
-[[sensors]]
-name = "camera"
-kind = "simulated-planar"
-picture = "colour"
-[sensors.params]
-model = "object"
-size = [240, 180]
-frames = {FRAMES}
-rate = "25 Hz"
-translation = "1.5 px"
-scale = 0.003
-colours = 4
-[[models]]
-name = "object"
-shape = {{ kind = "rectangle", params = {{ size = ["50 px", "36 px"] }} }}
-warp = {{ kind = "translation-scale" }}
-dynamics = {{ kind = "brownian", params = {{ translation = "20 px/s^0.5", scale = "3 %/s^0.5" }} }}
-[[targets]]
-name = "object"
-model = "object"
-modalities = [
     {{ kind = "color", level = "pixel", sensor = "camera", params = {{ rows = 2, {adapt} }} }},
     {{ kind = "template", level = "pixel", sensor = "camera", params = {{ {adapt} }} }},
-]
-estimator = {{ kind = "particle", params = {{ particles = 100 }} }}
-[targets.init]
-kind = "pose"
-params = {{ picture_from_object = {{ translation = ["119.5 px", "89.5 px"] }}, sigma = {{ translation = "1 px", scale = "1 %" }} }}
 "#
-    )
+    );
+    Patch {
+        seed,
+        frames: FRAMES,
+        scene: "colours = 4",
+        warp: "translation-scale",
+        noise: r#"{ translation = "20 px/s^0.5", scale = "3 %/s^0.5" }"#,
+        modalities: &modalities,
+        estimator: r#"{ kind = "particle", params = { particles = 100 } }"#,
+        start: r#"{ picture_from_object = { translation = ["119.5 px", "89.5 px"] }, sigma = { translation = "1 px", scale = "1 %" } }"#,
+    }
+    .task()
 }
 
 /// Distance in pixels of the place in the first frame as it was found at first from that of each later round, root mean square.

@@ -1,5 +1,6 @@
 //! Loss detection: is the estimate still that of the target? (paper §6; FIELD.md §2.19, "loss test set")
 
+use nalgebra::Vector6;
 use vt_core::agent::LossDetector;
 use vt_core::math;
 use vt_core::report::{Assessment, Status, Verdict};
@@ -85,6 +86,12 @@ impl LossSigns {
     }
 }
 
+/// Deviations of a rigid pose against which the default [`LossWeights`] expect the spread to be judged: of the position 2 % of the
+/// body's `diameter` in metres, of the orientation 1 deg in radians, in tangent order.
+pub fn tolerated(diameter: f64) -> Vector6<f64> {
+    Vector6::from_fn(|k, _| if k < 3 { 0.02 * diameter } else { 1f64.to_radians() })
+}
+
 fn spread(figures: &Assessment) -> f64 {
     figures.log_det.unwrap_or(0.0).clamp(-20.0, 20.0)
 }
@@ -104,13 +111,23 @@ pub struct LossWeights {
     pub surprise: f64,
     /// Of [`LossSigns::spread`].
     pub spread: f64,
+    /// Least log-odds that one step can tell, negative: how much a good step vouches for those after it.
+    pub least: f64,
 }
 
 impl Default for LossWeights {
-    /// Fitted to the edge tracker on simulated scenes (`docs/loss.md`). The share of unsupported contour adds nothing
-    /// to the likelihood ratio there; its weight is for evidence without one.
+    /// Chosen for the edge tracker on simulated scenes (`docs/loss.md`), where the spread is judged against
+    /// [`tolerated`]. Unsupported contour and misfit add nothing to the other signs there; their weights are for other evidence.
     fn default() -> Self {
-        Self { bias: 6.3, unsupported: 0.0, log_ratio: -1.4, misfit: 1.0, surprise: 1.0, spread: 1.3 }
+        Self {
+            bias: 11.0,
+            unsupported: 0.0,
+            log_ratio: -1.5,
+            misfit: 0.0,
+            surprise: 3.3,
+            spread: 4.4,
+            least: -4.4,
+        }
     }
 }
 
@@ -162,7 +179,7 @@ impl FusedLoss {
             Some(signs) => self.weights.log_odds(&signs),
             None => 0.1 + spread(figures).max(0.0),
         };
-        if x.is_nan() { MOST } else { x.clamp(-MOST, MOST) }
+        if x.is_nan() { MOST } else { x.max(self.weights.least).min(MOST) }
     }
 }
 

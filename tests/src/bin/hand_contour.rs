@@ -203,7 +203,15 @@ fn track(outline: &Outline, film: &Film, case: &Case, a: &Arguments) -> Result<V
 /// Fitted to the figures of `--csv` of the seeds 100 to 119, losses as heavy as good frames in all: a loss lasts, a false alarm does not. They hold look-alikes
 /// that the search proposed while the hand was hidden.
 fn weights() -> LossWeights {
-    LossWeights { bias: 7.6, unsupported: 0.0, log_ratio: -2.6, misfit: 4.8, surprise: 0.0, spread: 4.2 }
+    LossWeights {
+        bias: 7.6,
+        unsupported: 0.0,
+        log_ratio: -2.6,
+        misfit: 4.8,
+        surprise: 0.0,
+        spread: 4.2,
+        least: -8.0,
+    }
 }
 
 /// Error above which the hand counts as lost, pixels, and for so many frames.

@@ -143,7 +143,8 @@ fn fitted(runs: &Runs) -> Result<LossWeights> {
     let examples: Vec<_> = records.filter_map(|r| Some((signs(r)?, lost(r)?))).collect();
     let w = fit(&examples, 1.0).context("the examples determine no weights")?;
     let [bias, log_ratio, misfit, surprise, spread] = w.into();
-    Ok(LossWeights { bias, unsupported: 0.0, log_ratio, misfit, surprise, spread })
+    let least = LossWeights::default().least;
+    Ok(LossWeights { bias, unsupported: 0.0, log_ratio, misfit, surprise, spread, least })
 }
 
 /// Figures of one disturbance under a loss detector.

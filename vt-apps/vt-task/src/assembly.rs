@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nalgebra::{DefaultAllocator, DimAdd, DimSum, Point2, U1};
 use vt_core::agent::{LossDetector, Output, Sensor};
+use vt_core::belief::Gaussian;
 use vt_core::error::ConfigError;
 use vt_core::evidence::Processing;
 use vt_core::frame::{Frame, SensorId};
@@ -12,6 +13,7 @@ use vt_core::lie::SE3;
 use vt_core::manifold::{Alloc, Coordinates, Tangent};
 use vt_core::measurement::Modality;
 use vt_core::report::{Assessment, Verdict};
+use vt_fusion::loss::tolerated;
 use vt_fusion::tracks::{BarShalomCampo, EquivalentMeasurements, Intersection, TrackFusion};
 use vt_fusion::{AnyTarget, FusedTarget, Target, TrackingLoop};
 use vt_io::boxes::Bounds;
@@ -269,6 +271,20 @@ where
     })
 }
 
+/// Deviations against which the spread of an estimate is judged: of bodies in space those of [`tolerated`], whatever the
+/// start was like, of others those of the prior. Locked coordinates have 1.
+fn judged_against<P: Coordinates>(prior: &Gaussian<P>, shape: &Ground) -> Tangent<P>
+where
+    DefaultAllocator: Alloc<P::D>,
+{
+    let body = shape.body().ok().filter(|_| P::SPACE == SE3::SPACE);
+    let body = body.and_then(|body| Some(tolerated(body.flatten().ok()?.diameter())));
+    Tangent::<P>::from_fn_generic(prior.mean.dim(), U1, |k, _| {
+        let deviation = prior.covariance[(k, k)].sqrt();
+        if deviation > 0.0 { body.map_or(deviation, |body| body[k]) } else { 1.0 }
+    })
+}
+
 /// Builds a target of the pose space `P`.
 pub(crate) fn build_target<P: Coordinates>(c: &TargetContext<'_>) -> Result<BuiltTarget, ReadError>
 where
@@ -326,7 +342,7 @@ where
         freedom: &freedom,
     };
     let init_node = node(document, &format!("{path}.init"))?;
-    let Start { mut prior, mut known, design } = registry.build::<Inits<P>>(init_node, init)?;
+    let Start { mut prior, mut known } = registry.build::<Inits<P>>(init_node, init)?;
     if c.scene.true_starts.get(c.index).is_some_and(|wanted| *wanted) {
         prior.mean = true_start(&init).map_err(|e| crate::registry::located(e, init_node))?;
         known = true;
@@ -361,13 +377,7 @@ where
     };
     let fusion = c.optional::<Fusions>("fusion", ())?;
 
-    // The spread of an estimate is judged against that of the prior or
-    // what the init says; a locked coordinate is judged against 1.
-    let n = prior.mean.dim();
-    let scale = Tangent::<P>::from_fn_generic(n, U1, |k, _| {
-        let deviation = design.as_ref().unwrap_or(&prior).covariance[(k, k)].sqrt();
-        if deviation > 0.0 { deviation } else { 1.0 }
-    });
+    let scale = judged_against(&prior, &c.scene.shapes[&section.model]);
     let mut track = |name: String, sensors, modalities, number| {
         let ReinitProduct { reinitializer, processing: units } = reinitializer()?;
         processing.extend(units);

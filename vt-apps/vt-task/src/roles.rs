@@ -242,8 +242,6 @@ where
     pub prior: Gaussian<P>,
     /// False when the prior says nothing: the target begins as lost.
     pub known: bool,
-    /// Uncertainty against which that of the estimates is judged, where it is not the prior's.
-    pub design: Option<Gaussian<P>>,
 }
 
 impl<P: Manifold> From<Gaussian<P>> for Start<P>
@@ -251,7 +249,7 @@ where
     DefaultAllocator: Alloc<P::D>,
 {
     fn from(prior: Gaussian<P>) -> Self {
-        Self { prior, known: true, design: None }
+        Self { prior, known: true }
     }
 }
 

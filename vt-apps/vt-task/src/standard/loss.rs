@@ -28,6 +28,8 @@ pub struct Fused {
     pub surprise: f64,
     /// Weight of the spread of the covariance.
     pub spread: f64,
+    /// Least log-odds that one step can tell, negative: how much a good step vouches for those after it.
+    pub least: f64,
     /// Share of the log-odds kept from step to step, from 0 to 1.
     pub memory: f64,
 }
@@ -35,9 +37,9 @@ pub struct Fused {
 impl Default for Fused {
     fn default() -> Self {
         let (h, w) = (Hysteresis::default(), LossWeights::default());
-        let LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread } = w;
+        let LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread, least } = w;
         let memory = FusedLoss::MEMORY;
-        Self { on: h.on, off: h.off, bias, unsupported, log_ratio, misfit, surprise, spread, memory }
+        Self { on: h.on, off: h.off, bias, unsupported, log_ratio, misfit, surprise, spread, least, memory }
     }
 }
 
@@ -52,6 +54,9 @@ impl Params for Fused {
     fn check(&self) -> Result<(), ConfigError> {
         if !(0.0..1.0).contains(&self.memory) {
             return Err(ConfigError::parameter("memory", self.memory, "a share from 0 to below 1"));
+        }
+        if !(self.least < 0.0 && self.least.is_finite()) {
+            return Err(ConfigError::parameter("least", self.least, "a negative number"));
         }
         hysteresis(self.on, self.off)
     }
@@ -102,8 +107,8 @@ impl Params for Covariance {
 type Built = Result<Box<dyn LossDetector>, ConfigError>;
 
 pub(super) fn fused(p: Fused, _: ()) -> Built {
-    let Fused { on, off, bias, unsupported, log_ratio, misfit, surprise, spread, memory } = p;
-    let weights = LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread };
+    let Fused { on, off, bias, unsupported, log_ratio, misfit, surprise, spread, least, memory } = p;
+    let weights = LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread, least };
     Ok(Box::new(FusedLoss::new(weights, memory, Hysteresis::new(on, off))))
 }
 

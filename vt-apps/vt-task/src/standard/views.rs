@@ -27,8 +27,7 @@ fn default_size() -> [Pixels; 2] {
 pub struct InitAuto {
     /// Smallest and largest size of the body in the picture: diameter of its bounding sphere.
     pub size: [Pixels; 2],
-    /// Uncertainty that the tracker is designed for, against which that of its estimates is judged; a pose that is found
-    /// brings its own.
+    /// Uncertainty of a target that is not found; a pose that is found brings its own.
     pub sigma: Sigma,
 }
 
@@ -124,10 +123,7 @@ pub(super) fn auto(p: InitAuto, context: InitContext<'_>) -> Result<Start<SE3>, 
     // Somewhere in front of the camera, not to be believed.
     let anywhere = SE3::from_rotation_vector(&Vector3::zeros(), Vector3::z());
     Ok(match found.into_iter().next() {
-        Some(f) => {
-            let design = Some(around(f.pose.mean, &p.sigma, &context)?);
-            Start { prior: f.pose, known: true, design }
-        }
+        Some(f) => f.pose.into(),
         None => Start { known: false, ..around(anywhere, &p.sigma, &context)?.into() },
     })
 }

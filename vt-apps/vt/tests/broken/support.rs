@@ -59,10 +59,10 @@ pub const CUBE: &str = "v -10 -10 -10\nv 10 -10 -10\nv -10 10 -10\nv 10 10 -10\n
 pub const TRUTH: &str = "# frame tx ty tz qx qy qz qw\n0 0 0 0.5 0 0 0 1\n1 0 0 0.5 0 0 0 1\n2 0 0 0.5 0 0 0 1\n\
                          3 0 0 0.5 0 0 0 1\n";
 
-/// A grey picture of a dark square on a bright ground, or of nothing.
+/// A grey picture of a dark square on a bright ground, as large as the near face of the cube is seen; dark all over where it is smaller.
 pub fn pgm(width: usize, height: usize) -> Vec<u8> {
     let mut out = format!("P5\n{width} {height}\n255\n").into_bytes();
-    let inside = |k: usize, n: usize| k > n / 4 && k < n - n / 4;
+    let inside = |k: usize, n: usize| (2 * k + 1).abs_diff(n) < 30;
     let pixel = |k: usize| if inside(k % width, width) && inside(k / width, height) { 60 } else { 200 };
     out.extend((0..width * height).map(pixel));
     out
