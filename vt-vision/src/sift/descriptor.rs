@@ -9,6 +9,7 @@ use vt_core::batch::vectorized;
 use vt_core::math;
 
 use super::polar::polar;
+use crate::gaussian::Smoothed;
 use crate::plane::Plane;
 
 /// Values of a descriptor: eight directions in each of 4 × 4 cells. Its length is about 512.
@@ -160,7 +161,7 @@ fn read(level: &Plane<f32>, at: [f32; 2], spacing: f64, angle: f32, patch: &mut 
     let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
     let (last_x, last_y) = ((width - 2) as f32, (height - 2) as f32);
     let values = level.values();
-    let (mut places, mut parts) = ([[0i32; LANES]; READ], [[[0.0f32; LANES]; 2]; READ]);
+    let (mut places, mut parts) = ([[0u32; LANES]; READ], [[[0.0f32; LANES]; 2]; READ]);
     vectorized(
         #[inline(always)]
         || {
@@ -172,9 +173,9 @@ fn read(level: &Plane<f32>, at: [f32; 2], spacing: f64, angle: f32, patch: &mut 
                     let x = clamp(x0 + u * dx, right);
                     let y = clamp(y0 + u * dy, bottom);
                     // Down to the corner of four pixels that exist.
-                    let (left, top) = (clamp(x, last_x) as i32, clamp(y, last_y) as i32);
-                    (parts[0][i], parts[1][i]) = (x - left as f32, y - top as f32);
-                    places[i] = top * width as i32 + left;
+                    let (left, top) = (down(clamp(x, last_x)), down(clamp(y, last_y)));
+                    (parts[0][i], parts[1][i]) = (x - left.1, y - top.1);
+                    places[i] = top.0 * width as u32 + left.0;
                 }
             }
         },
@@ -200,6 +201,15 @@ fn read(level: &Plane<f32>, at: [f32; 2], spacing: f64, angle: f32, patch: &mut 
             }
         },
     );
+}
+
+/// The next lower integer, or an integer itself or the one below it, as both kinds of number. Unlike a conversion, adding a large
+/// number is a vector instruction.
+#[inline(always)]
+fn down(x: f32) -> (u32, f32) {
+    const LARGE: f32 = 12_582_912.0;
+    let sum = (x - 0.5) + LARGE;
+    (sum.to_bits().wrapping_sub(LARGE.to_bits()), sum - LARGE)
 }
 
 #[inline(always)]
@@ -230,8 +240,7 @@ fn finish(values: &mut [f32; SIZE], root: bool) -> Descriptor {
                 }
             }
             for k in 0..SIZE {
-                let v = if values[k] < 255.0 { values[k] } else { 255.0 };
-                bytes.0[k] = (v + 0.5) as i32 as u8;
+                bytes.0[k] = u8::of(if values[k] < 255.0 { values[k] } else { 255.0 });
             }
         },
     );

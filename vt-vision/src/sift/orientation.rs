@@ -4,6 +4,7 @@ use vt_core::batch::vectorized;
 use vt_core::math;
 
 use super::polar::polar;
+use crate::gaussian::Smoothed;
 use crate::plane::Plane;
 
 /// Bins of a turn.
@@ -59,7 +60,7 @@ pub fn directions(level: &Plane<f32>, [x, y]: [u32; 2], sigma: f64) -> Direction
     let mut ring = [[0.0f32; LANES + 2]; 3];
     let mut across = [0.0f32; LANES];
     across[..n].iter_mut().zip(left..).for_each(|(w, u)| *w = weights[u.abs_diff(x)]);
-    let (mut lengths, mut bins) = ([0.0f32; LANES], [0u32; LANES]);
+    let (mut lengths, mut bins) = ([0.0f32; LANES], [0u8; LANES]);
     for v in rows.start - 1..rows.end + 1 {
         ring[v % 3][..n + 2].copy_from_slice(&level.values()[v * width + left - 1..][..n + 2]);
         if v <= rows.start {
@@ -79,7 +80,7 @@ pub fn directions(level: &Plane<f32>, [x, y]: [u32; 2], sigma: f64) -> Direction
                     for i in 0..BLOCK {
                         let (length, eighths) = polar(after[i] - before[i], below[i] - above[i]);
                         lengths[i] = length * (of_row * across[i]);
-                        bins[i] = (eighths * (BINS as f32 / 8.0) + 0.5) as i32 as u32;
+                        bins[i] = u8::of(eighths * (BINS as f32 / 8.0));
                     }
                 }
             },

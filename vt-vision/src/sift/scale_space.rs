@@ -251,8 +251,7 @@ fn columns(source: &Plane<f32>, weights: &[f32], first: usize, rows: &mut [f32])
                     for start in starts(width).skip(tile / BLOCK).take(TILE / BLOCK) {
                         let block = |y: usize| &values[y * width + start..][..BLOCK];
                         let pair = |k: usize| (block(y.saturating_sub(k)), block((y + k).min(height - 1)));
-                        let sums = weighted(block(y), pair, weights);
-                        row[reach + start..][..BLOCK].copy_from_slice(&sums);
+                        weighted(block(y), pair, weights, &mut row[reach + start..][..BLOCK]);
                     }
                 }
             }
@@ -269,7 +268,7 @@ fn row_in_blocks(padded: &[f32], weights: &[f32], out: &mut [f32]) {
             for start in starts(width) {
                 let block = |offset: usize| &padded[start + offset..][..BLOCK];
                 let pair = |k: usize| (block(reach - k), block(reach + k));
-                out[start..][..BLOCK].copy_from_slice(&weighted(block(reach), pair, weights));
+                weighted(block(reach), pair, weights, &mut out[start..][..BLOCK]);
             }
         },
     );
@@ -281,7 +280,8 @@ fn weighted<'a>(
     centre: &[f32],
     pair: impl Fn(usize) -> (&'a [f32], &'a [f32]),
     weights: &[f32],
-) -> [f32; BLOCK] {
+    out: &mut [f32],
+) {
     let mut sums = [0.0f32; BLOCK];
     for i in 0..BLOCK {
         sums[i] = centre[i] * weights[0];
@@ -310,7 +310,9 @@ fn weighted<'a>(
             sums[i] += (a[i] + b[i]) * w;
         }
     }
-    sums
+    for i in 0..BLOCK {
+        out[i] = sums[i];
+    }
 }
 
 /// Smoothing at twice the resolution: pixels with even coordinates lie on those of the source, the others in the middle.
