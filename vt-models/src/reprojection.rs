@@ -60,7 +60,12 @@ pub struct RefinementParams {
 
 impl Default for RefinementParams {
     fn default() -> Self {
-        let solver = LeastSquares { max_iterations: 20, ..LeastSquares::levenberg_marquardt() };
+        let solver = LeastSquares {
+            max_iterations: 20,
+            step_tolerance: 1e-4,
+            decrease_tolerance: 1e-10,
+            ..LeastSquares::levenberg_marquardt()
+        };
         Self { robust: Robust::TUKEY, scale: Scale::Estimated { least: 0.3 }, solver }
     }
 }

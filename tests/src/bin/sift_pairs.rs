@@ -13,9 +13,16 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use cpu_time::ProcessTime;
 use image::{DynamicImage, GrayImage};
+use nalgebra::{Point2, Vector2};
 use serde_json::Value;
+use vt_core::agent::{Posed, Warp};
+use vt_core::math;
+use vt_core::random::{Random, Stream};
+use vt_models::homography::{Consensus, ConsensusParams};
+use vt_models::reprojection::{Pair, RefinementParams, refine};
+use vt_models::warp::PlanarWarp;
 use vt_vision::color::rgb_to_grey;
-use vt_vision::matching::{MatchParams, Matcher};
+use vt_vision::matching::{Match, MatchParams, Matcher};
 use vt_vision::sift::{Descriptor, Keypoint, Sift, SiftParams};
 
 /// Compares keypoints with OpenCV's SIFT.
@@ -116,6 +123,43 @@ fn time(runs: usize, mut call: impl FnMut()) -> f64 {
     times[times.len() / 2]
 }
 
+/// The homography that the matches agree with, in words, and its time.
+fn homography(a: &Found, b: &Found, matches: &[Match], runs: usize) -> Result<String> {
+    let mut order: Vec<&Match> = matches.iter().collect();
+    order.sort_by(|m, n| m.ratio.total_cmp(&n.ratio));
+    let centre = a.keypoints.iter().map(|k| k.at.coords).sum::<Vector2<f64>>() / a.keypoints.len() as f64;
+    let pair = |m: &&Match| {
+        let (p, q) = (&a.keypoints[m.first], &b.keypoints[m.second]);
+        // Errors in both pictures, those of the first one as large in the second as its keypoint.
+        let deviation = 0.5 * math::hypot(q.spacing, p.spacing * q.scale / p.scale);
+        Pair { body: p.at - centre, seen: q.at, deviation }
+    };
+    let pairs: Vec<Pair<Point2<f64>>> = order.iter().map(pair).collect();
+    let (params, refinement) = (ConsensusParams::default().check()?, RefinementParams::default().check()?);
+    let (mut search, mut last) = (Consensus::default(), None);
+    let milliseconds = time(runs, || {
+        let mut random = Random::new(0, Stream::Reinit, 0, 0, 0);
+        last = search.find(&pairs, &params, &mut random).map(|found| {
+            let agreeing: Vec<_> = search.agreeing().iter().map(|&k| pairs[k as usize]).collect();
+            (found, refine(&PlanarWarp::default(), &agreeing, &found.homography, &refinement))
+        });
+    });
+    let Some((found, refined)) = last else { return Ok("no homography".into()) };
+    let refined = refined?;
+    // Of the middle of the keypoints: the first two coordinates of the tangent, turned into the second picture.
+    let (warp, origin) = (PlanarWarp::default(), Point2::origin());
+    let (_, jacobian) = warp.at(&refined.belief.mean).linearize(&origin).context("the middle is not seen")?;
+    let covariance = jacobian * &refined.belief.covariance * jacobian.transpose();
+    Ok(format!(
+        "{} of {} matches agree after {} samples, deviation of the middle {:.3} px, deviations x {:.2}, {milliseconds:.2} ms",
+        search.agreeing().len(),
+        pairs.len(),
+        found.samples,
+        (0.5 * covariance.trace()).sqrt(),
+        refined.scale,
+    ))
+}
+
 /// Keypoints of all pictures, and matches of all pairs, into files; returns the times by picture and those of matching by pair.
 fn ours(arguments: &Arguments) -> Result<(BTreeMap<String, f64>, BTreeMap<String, f64>)> {
     let params = SiftParams {
@@ -153,6 +197,7 @@ fn ours(arguments: &Arguments) -> Result<(BTreeMap<String, f64>, BTreeMap<String
             format!("{:.4},{:.4},{:.4},{:.4}\n", p.x, p.y, q.x, q.y)
         });
         let name = format!("{scene}_{one}_{two}");
+        println!("{name}: {}", homography(a, b, matches, arguments.runs)?);
         std::fs::write(arguments.out.join(format!("{name}.csv")), lines.collect::<String>())?;
         times.insert(name, milliseconds);
     }

@@ -40,7 +40,7 @@ where
         let body = body([random.uniform() - 0.5, random.uniform() - 0.5]);
         let deviation = [0.5, 1.0, 2.0][random.index(3)];
         let mut seen = warp.at(truth).locate(&body).unwrap() + error(random, noise * deviation);
-        if wrong && k % 10 == 0 {
+        if wrong && k.is_multiple_of(10) {
             seen += Vector2::new(random.uniform() - 0.5, random.uniform() - 0.5) * 120.0;
         }
         Pair { body, seen, deviation }

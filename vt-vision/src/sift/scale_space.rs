@@ -310,9 +310,7 @@ fn weighted<'a>(
             sums[i] += (a[i] + b[i]) * w;
         }
     }
-    for i in 0..BLOCK {
-        out[i] = sums[i];
-    }
+    out.iter_mut().zip(&sums).for_each(|(o, s)| *o = *s);
 }
 
 /// Smoothing at twice the resolution: pixels with even coordinates lie on those of the source, the others in the middle.
