@@ -149,7 +149,7 @@ fn homography(a: &Found, b: &Found, matches: &[Match], runs: usize) -> Result<St
     // Of the middle of the keypoints: the first two coordinates of the tangent, turned into the second picture.
     let (warp, origin) = (PlanarWarp::default(), Point2::origin());
     let (_, jacobian) = warp.at(&refined.belief.mean).linearize(&origin).context("the middle is not seen")?;
-    let covariance = jacobian * &refined.belief.covariance * jacobian.transpose();
+    let covariance = jacobian * refined.belief.covariance * jacobian.transpose();
     Ok(format!(
         "{} of {} matches agree after {} samples, deviation of the middle {:.3} px, deviations x {:.2}, {milliseconds:.2} ms",
         search.agreeing().len(),
