@@ -83,6 +83,11 @@ impl Gaussian {
         self.sigma
     }
 
+    /// Weights at the distances 0, 1, 2, …
+    pub(crate) fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
     /// Distance of the farthest pixel with a weight.
     pub fn reach(&self) -> u32 {
         self.weights.len() as u32 - 1
@@ -176,8 +181,8 @@ fn pad(image: &GrayImage, y: usize, region: Roi, reach: usize, padded: &mut [f32
     padded[before + inside..].fill(f32::from(pixels[inside - 1]));
 }
 
-/// Weighted sums along a row.
-fn along(padded: &[f32], weights: &[f32], out: &mut [f32]) {
+/// Weighted sums along a row, of which `padded` has `weights.len() - 1` values more on either side.
+pub(crate) fn along(padded: &[f32], weights: &[f32], out: &mut [f32]) {
     vectorized(
         #[inline(always)]
         || match *weights {
@@ -207,8 +212,8 @@ fn row_of_five(padded: &[f32], [a, b, c]: [f32; 3], out: &mut [f32]) {
     }
 }
 
-/// Weighted sums of rows at the same distance above and below.
-fn across<'a, T: Smoothed>(row: impl Fn(i64) -> &'a [f32], weights: &[f32], out: &mut [T]) {
+/// Weighted sums of rows at the same distance above and below; `row` gives them by their offset.
+pub(crate) fn across<'a, T: Smoothed>(row: impl Fn(i64) -> &'a [f32], weights: &[f32], out: &mut [T]) {
     let n = out.len();
     vectorized(
         #[inline(always)]
