@@ -5,14 +5,16 @@ use vt_core::agent::LossDetector;
 use vt_core::math;
 use vt_core::report::{Assessment, Status, Verdict};
 
-/// Turns a per-step probability of loss into a condition that does not flicker.
+/// Turns a per-step probability into a condition that does not flicker.
 #[derive(Clone, Copy, Debug)]
 pub struct Hysteresis {
-    /// Doubtful steps in a row after which the target counts as lost.
+    /// Steps in a row, each more likely a loss than not, after which the target counts as lost.
     pub on: u32,
-    /// Good steps in a row after which a doubtful or lost target counts as tracked again.
+    /// Steps in a row, each more likely none, after which a lost target counts as lost no longer.
     pub off: u32,
-    doubtful: u32,
+    /// Probability of a loss above which a step is doubtful.
+    pub doubt: f64,
+    bad: u32,
     good: u32,
     status: Status,
 }
@@ -24,35 +26,36 @@ impl Default for Hysteresis {
 }
 
 impl Hysteresis {
-    /// Lost after `on` doubtful steps in a row, tracked again after `off` good ones.
+    /// Lost after `on` bad steps in a row, no longer after `off` good ones; bad steps are doubtful.
     pub fn new(on: u32, off: u32) -> Self {
-        Self { on, off, doubtful: 0, good: 0, status: Status::Tracking }
+        Self { on, off, doubt: 0.5, bad: 0, good: 0, status: Status::Tracking }
+    }
+
+    /// Steps are doubtful above the probability `doubt` of a loss.
+    #[must_use]
+    pub fn doubtful_above(self, doubt: f64) -> Self {
+        Self { doubt, ..self }
     }
 
     /// Takes in the probability of one step.
     pub fn step(&mut self, loss_probability: f64) -> Status {
-        if loss_probability > 0.5 {
-            self.doubtful += 1;
-            self.good = 0;
-            if self.doubtful >= self.on {
-                self.status = Status::Lost;
-            } else if self.status == Status::Tracking {
-                self.status = Status::Doubtful;
-            }
+        (self.bad, self.good) = if loss_probability > 0.5 {
+            (self.bad.saturating_add(1), 0)
         } else {
-            self.good += 1;
-            self.doubtful = 0;
-            let needed = if self.status == Status::Lost { self.off } else { 1 };
-            if self.good >= needed {
-                self.status = Status::Tracking;
-            }
-        }
+            (0, self.good.saturating_add(1))
+        };
+        let lost = self.bad >= self.on || self.status == Status::Lost && self.good < self.off;
+        self.status = match lost {
+            true => Status::Lost,
+            false if loss_probability > self.doubt => Status::Doubtful,
+            false => Status::Tracking,
+        };
         self.status
     }
 
     /// Starts again as tracked.
     pub fn reset(&mut self) {
-        *self = Self::new(self.on, self.off);
+        *self = Self::new(self.on, self.off).doubtful_above(self.doubt);
     }
 }
 
@@ -158,13 +161,17 @@ const MOST: f64 = 8.0;
 
 impl Default for FusedLoss {
     fn default() -> Self {
-        Self::new(LossWeights::default(), Self::MEMORY, Hysteresis::default())
+        Self::new(LossWeights::default(), Self::MEMORY, Hysteresis::default().doubtful_above(Self::DOUBT))
     }
 }
 
 impl FusedLoss {
     /// Share of the log-odds that the default keeps from step to step.
     pub const MEMORY: f64 = 0.5;
+
+    /// Probability of a loss above which a step of the default is doubtful: a wrong pose that looks right and says that it is certain
+    /// is seldom likelier than not.
+    pub const DOUBT: f64 = 0.1;
 
     /// A detector with these weights and this hysteresis, which keeps the share `memory` (0 to 1) of its log-odds from
     /// step to step.
@@ -297,6 +304,16 @@ mod tests {
             [0.1, 0.9, 0.1, 0.9, 0.9, 0.9, 0.1, 0.1, 0.1, 0.1, 0.1].map(|p| h.step(p)).to_vec();
         use Status::{Doubtful as D, Lost as L, Tracking as T};
         assert_eq!(seen, [T, D, T, D, D, L, L, L, L, L, T]);
+    }
+
+    #[test]
+    fn doubt_begins_before_a_loss_is_likely() {
+        let mut h = Hysteresis::new(2, 2).doubtful_above(0.1);
+        let seen: Vec<Status> = [0.1, 0.2, 0.6, 0.2, 0.7, 0.8, 0.2, 0.2, 0.05].map(|p| h.step(p)).to_vec();
+        use Status::{Doubtful as D, Lost as L, Tracking as T};
+        assert_eq!(seen, [T, D, D, D, D, L, L, D, T]);
+        h.reset();
+        assert_eq!((h.step(0.2), h.step(0.05)), (D, T));
     }
 
     #[test]

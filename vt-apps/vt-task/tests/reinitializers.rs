@@ -27,7 +27,7 @@ model = "card"
 init = { kind = "box", params = { box = ["90 px", "70 px", "60 px", "40 px"], sigma = { translation = "1 px" } } }
 modalities = [{ kind = "color", level = "pixel", sensor = "camera" }]
 estimator = { kind = "particle" }
-loss = { kind = "fused", params = { bias = -12.0, unsupported = 20.0, log_ratio = 0.0, misfit = 0.0, surprise = 0.0, spread = 0.0, least = -8.0 } }
+loss = { kind = "fused", params = { bias = -12.0, unsupported = 20.0, log_ratio = 0.0, misfit = 0.0, surprise = 0.0, spread = 0.0, least = -8.0, doubt = 0.5 } }
 reinit = { kind = "none" }
 "#;
 

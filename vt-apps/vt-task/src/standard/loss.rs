@@ -12,10 +12,12 @@ use crate::registry::Params;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Fused {
-    /// Doubtful steps in a row after which the target counts as lost.
+    /// Steps in a row, each more likely a loss than not, after which the target counts as lost.
     pub on: u32,
-    /// Good steps in a row after which it counts as tracked again.
+    /// Steps in a row, each more likely none, after which it counts as lost no longer.
     pub off: u32,
+    /// Probability of a loss above which a step is doubtful, from 0 to 1.
+    pub doubt: f64,
     /// Constant of the logistic model.
     pub bias: f64,
     /// Weight of the share of the model that is not supported.
@@ -39,7 +41,20 @@ impl Default for Fused {
         let (h, w) = (Hysteresis::default(), LossWeights::default());
         let LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread, least } = w;
         let memory = FusedLoss::MEMORY;
-        Self { on: h.on, off: h.off, bias, unsupported, log_ratio, misfit, surprise, spread, least, memory }
+        let doubt = FusedLoss::DOUBT;
+        Self {
+            on: h.on,
+            off: h.off,
+            doubt,
+            bias,
+            unsupported,
+            log_ratio,
+            misfit,
+            surprise,
+            spread,
+            least,
+            memory,
+        }
     }
 }
 
@@ -54,6 +69,9 @@ impl Params for Fused {
     fn check(&self) -> Result<(), ConfigError> {
         if !(0.0..1.0).contains(&self.memory) {
             return Err(ConfigError::parameter("memory", self.memory, "a share from 0 to below 1"));
+        }
+        if !(0.0..=1.0).contains(&self.doubt) {
+            return Err(ConfigError::parameter("doubt", self.doubt, "a probability, from 0 to 1"));
         }
         if !(self.least < 0.0 && self.least.is_finite()) {
             return Err(ConfigError::parameter("least", self.least, "a negative number"));
@@ -107,9 +125,9 @@ impl Params for Covariance {
 type Built = Result<Box<dyn LossDetector>, ConfigError>;
 
 pub(super) fn fused(p: Fused, _: ()) -> Built {
-    let Fused { on, off, bias, unsupported, log_ratio, misfit, surprise, spread, least, memory } = p;
+    let Fused { on, off, doubt, bias, unsupported, log_ratio, misfit, surprise, spread, least, memory } = p;
     let weights = LossWeights { bias, unsupported, log_ratio, misfit, surprise, spread, least };
-    Ok(Box::new(FusedLoss::new(weights, memory, Hysteresis::new(on, off))))
+    Ok(Box::new(FusedLoss::new(weights, memory, Hysteresis::new(on, off).doubtful_above(doubt))))
 }
 
 pub(super) fn covariance(p: Covariance, _: ()) -> Built {
