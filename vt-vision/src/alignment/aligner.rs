@@ -25,6 +25,13 @@ const LONGEST_STEP: f64 = 8.0;
 /// Least scale of the grey-level residuals: rounding.
 const LEAST_SCALE: f64 = 0.5;
 
+/// Steps of a level in which the scale of the residuals is found anew; later it is held, or weights and pose might chase each
+/// other.
+const SCALED_STEPS: u32 = 3;
+
+/// How many times longer the last step on a coarse level may be: the finer ones go on from there.
+const COARSE_TOLERANCE: f64 = 10.0;
+
 /// Where a picture shows the template.
 #[derive(Clone, Debug)]
 pub struct Aligned<P: PlanarMotion>
@@ -75,6 +82,8 @@ pub struct Aligner<P> {
     scratch: Gradients,
     residuals: Vec<f64>,
     sorted: Vec<f64>,
+    /// Scale of the residuals.
+    noise: f64,
     curve: Curve,
 }
 
@@ -88,7 +97,19 @@ where
         let measure = template.params.similarity.measure();
         let (planes, seen, influence, scratch, curve) = Default::default();
         let (weights, residuals, sorted) = Default::default();
-        Self { template, measure, planes, seen, weights, influence, scratch, residuals, sorted, curve }
+        Self {
+            template,
+            measure,
+            planes,
+            seen,
+            weights,
+            influence,
+            scratch,
+            residuals,
+            sorted,
+            noise: 1.0,
+            curve,
+        }
     }
 
     /// The template.
@@ -144,10 +165,11 @@ where
     ) -> Result<Descent<P>, AlignmentError> {
         let params = &template.params;
         let pixel = f64::from(1u32 << level.number);
+        let coarse = if level.number > params.finest { COARSE_TOLERANCE } else { 1.0 };
         let mut curvature = None;
         for step in 0..params.iterations {
             self.look(template, level, &at.pose)?;
-            self.compare(params, level, step == 0)?;
+            self.compare(params, level, step)?;
             let h = self.curvature(params, level, &mut curvature);
             let g = steepest::sum(&level.points, self.slope(params, level));
             let (h, g) = (template.basis.matrix(&at.pose, &h), template.basis.vector(&at.pose, &g));
@@ -160,7 +182,7 @@ where
             };
             at.pose = next;
             at.iterations += 1;
-            if moved <= params.tolerance * pixel {
+            if moved <= coarse * params.tolerance * pixel {
                 at.stop = StopReason::SmallStep;
                 return Ok(at);
             }
@@ -186,24 +208,32 @@ where
         }
     }
 
-    /// Evaluates the measure; with an M-estimator the weights follow the residuals.
-    fn compare(
-        &mut self,
-        params: &AlignmentParams,
-        level: &Level,
-        first: bool,
-    ) -> Result<(), AlignmentError> {
-        let Self { seen, weights, influence, measure, .. } = self;
+    /// Evaluates the measure; with an M-estimator the weights are those of the residuals before.
+    fn compare(&mut self, params: &AlignmentParams, level: &Level, step: u32) -> Result<(), AlignmentError> {
+        let Self { seen, weights, influence, measure, curve, .. } = self;
+        let first = step == 0;
         if first || params.robust.is_none() {
             weights.clone_from(&seen.inside);
+        }
+        for (w, inside) in weights.iter_mut().zip(&seen.inside) {
+            (0..LANES).for_each(|k| w[k] = if inside[k] > 0.0 { w[k] } else { 0.0 });
         }
         let pair = Pair { template: &level.grey, picture: &seen.level, weight: weights };
         if first {
             measure.begin(pair);
         }
         measure.evaluate(pair, influence).ok_or(AlignmentError::Flat)?;
+        if params.similarity.is_information() {
+            // What a grey level does in the mean, wherever it is, tells no motion. Over all of a picture it would vanish; over
+            // some points it would move the optimum.
+            let Influence { by_template, by_picture } = influence;
+            curve.centre(&level.grey, by_template, weights).ok_or(AlignmentError::Flat)?;
+            if params.method == Method::Esm {
+                curve.centre(&seen.level, by_picture, weights).ok_or(AlignmentError::Flat)?;
+            }
+        }
         if let Some(kind) = params.robust {
-            self.reweigh(kind);
+            self.reweigh(kind, step < SCALED_STEPS);
             let Self { seen, weights, influence, measure, .. } = self;
             let pair = Pair { template: &level.grey, picture: &seen.level, weight: weights };
             measure.evaluate(pair, influence).ok_or(AlignmentError::Flat)?;
@@ -211,23 +241,26 @@ where
         Ok(())
     }
 
-    fn reweigh(&mut self, kind: Robust) {
-        let Self { seen, weights, measure, residuals, sorted, .. } = self;
+    /// Weights by the residuals, in units of the scale that was found or that of now.
+    fn reweigh(&mut self, kind: Robust, scaled: bool) {
+        let Self { seen, weights, measure, residuals, sorted, noise, .. } = self;
         let Some(all) = measure.residuals() else { return };
-        residuals.clear();
-        for (r, inside) in all.iter().zip(&seen.inside) {
-            residuals.extend((0..LANES).filter(|&k| inside[k] > 0.0).map(|k| r[k]));
+        if scaled {
+            residuals.clear();
+            for (r, inside) in all.iter().zip(&seen.inside) {
+                residuals.extend((0..LANES).filter(|&k| inside[k] > 0.0).map(|k| r[k]));
+            }
+            *noise = mad_scale(residuals, LEAST_SCALE, sorted);
         }
-        let scale = mad_scale(residuals, LEAST_SCALE, sorted);
         for ((w, r), inside) in weights.iter_mut().zip(all).zip(&seen.inside) {
-            (0..LANES).for_each(|k| w[k] = inside[k] * kind.weight(r[k] / scale));
+            (0..LANES).for_each(|k| w[k] = inside[k] * kind.weight(r[k] / *noise));
         }
     }
 
     /// Curvature for the step; `kept` is that of the level.
     fn curvature(&mut self, params: &AlignmentParams, level: &Level, kept: &mut Option<Matrix8>) -> Matrix8 {
         let inverse = params.method == Method::InverseCompositional;
-        if inverse && params.similarity.is_information() {
+        if params.similarity.is_information() {
             return level.curvature;
         }
         if let (Some(kept), true, None) = (&kept, inverse, params.robust) {
@@ -261,21 +294,24 @@ where
 
     /// Covariance at the end; see [`covariance`].
     fn covariance(&mut self, template: &Template<P>, level: &Level, pose: &P) -> Option<Square<P>> {
-        let Self { scratch, influence, seen, measure, weights, curve, .. } = self;
+        let Self { scratch, influence, seen, measure, weights, .. } = self;
         let pair = Pair { template: &level.grey, picture: &seen.level, weight: weights };
         let information = template.params.similarity.is_information();
-        let picture = information.then_some(&seen.slope);
-        let h = measure.curvature(pair, &level.points, &level.gradient, picture, scratch);
-        if information {
-            // What a grey level does to the cost in the mean is no noise.
-            curve.fit(&level.grey, &influence.by_template, &seen.inside)?;
+        let mut curvature =
+            |slope: &Gradients| measure.curvature(pair, &level.points, &level.gradient, Some(slope), scratch);
+        // The mixed derivative: the noise of the template's gradients is not that of the picture's, and products of the
+        // two have none of it in the mean. Squares would, and promise too much. Of a square of the mean of both it is what changes its
+        // sign with one of them.
+        let mut h = curvature(&seen.slope);
+        let mean = h;
+        if !information {
+            let Gradients { x, y } = &mut seen.slope;
+            x.iter_mut().chain(y).flatten().for_each(|v| *v = -*v);
+            h -= curvature(&seen.slope);
         }
         scratch.resize(level.points.x.len());
         for b in 0..level.points.x.len() {
-            let mut noise = influence.by_template[b];
-            if information {
-                (0..LANES).for_each(|k| noise[k] -= curve.at(level.grey[b][k])[0]);
-            }
+            let noise = &influence.by_template[b];
             for k in 0..LANES {
                 scratch.x[b][k] = noise[k] * level.gradient.x[b][k];
                 scratch.y[b][k] = noise[k] * level.gradient.y[b][k];
@@ -284,7 +320,12 @@ where
         let noise = steepest::squares(&level.points, scratch, &seen.inside);
         let [h, noise, squares, correlated] =
             [&h, &noise, &level.squares, &level.correlated].map(|m| template.basis.matrix(pose, m));
-        covariance::<P>(h, noise, squares, &correlated)
+        let smoothing = template.params.smoothing;
+        // Rounding of both pictures, as much of it as the smoothing leaves.
+        let rounding = 2.0 / 12.0 / (4.0 * core::f64::consts::PI * smoothing * smoothing).max(1.0);
+        let second = if information { &level.curvature } else { &mean };
+        let second = template.basis.matrix(pose, second);
+        covariance::<P>([h, second], noise, squares, &correlated, rounding)
     }
 }
 

@@ -9,31 +9,29 @@ use vt_core::manifold::{Alloc, Manifold, Square};
 ///
 /// `noise` is `V` as if the points were independent. After smoothing they are not: `correlated` is the `V` of noise of one
 /// size with its correlations, `squares` that without, `A Aᵀ`. With `noise = B Bᵀ` the correlations are carried over as
-/// `V = B A⁻¹ · correlated · A⁻ᵀ Bᵀ`, exact where the noise has one size. `None` unless all are positive definite.
+/// `V = B A⁻¹ · correlated · A⁻ᵀ Bᵀ`, exact where the noise has one size. `rounding` is the variance of what is noise even
+/// where template and picture are the same. Of the curvatures the first that is positive definite counts; `None` without one.
 pub(super) fn covariance<P: Manifold>(
-    curvature: Square<P>,
+    curvatures: [Square<P>; 2],
     noise: Square<P>,
     squares: Square<P>,
     correlated: &Square<P>,
+    rounding: f64,
 ) -> Option<Square<P>>
 where
     DefaultAllocator: Alloc<P::D>,
 {
-    let h = cholesky(curvature)?;
-    let whitened = {
-        let a = cholesky(squares)?.unpack();
-        let half = a.solve_lower_triangular(correlated)?;
-        a.solve_lower_triangular(&half.transpose())?
-    };
-    // A picture without noise leaves nothing.
-    let v = match cholesky(noise) {
-        Some(b) => {
-            let b = b.unpack();
-            &b * whitened * b.transpose()
-        }
-        None => return None,
-    };
-    let half = h.solve(&v);
-    let c = h.solve(&half.transpose());
+    let h = curvatures.into_iter().find_map(cholesky)?;
+    let a = cholesky(squares)?;
+    let least = a.solve(&a.solve(correlated).transpose());
+    let a = a.unpack();
+    let half = a.solve_lower_triangular(correlated)?;
+    let whitened = a.solve_lower_triangular(&half.transpose())?;
+    let mut c = least * rounding;
+    if let Some(b) = cholesky(noise) {
+        let b = b.unpack();
+        let v = &b * whitened * b.transpose();
+        c += h.solve(&h.solve(&v).transpose());
+    }
     Some((&c + c.transpose()) * 0.5)
 }

@@ -36,7 +36,8 @@ pub enum Method {
     /// Inverse compositional: slopes of the template, the curvature once for every level; of measures by information it is
     /// that of the template with itself.
     InverseCompositional,
-    /// Efficient second-order minimisation: mean slopes of template and picture, the curvature anew in every step.
+    /// Efficient second-order minimisation: mean slopes of template and picture, the curvature anew in every step; of measures by
+    /// information it is that of the template with itself.
     Esm,
 }
 
@@ -61,7 +62,8 @@ pub struct AlignmentParams {
     pub robust: Option<Robust>,
     /// Most steps on each level.
     pub iterations: u32,
-    /// A step that moves no corner farther than this many pixels of the level is the last one there.
+    /// A step that moves no corner farther than this many pixels is the last one on the finest level; ten times as many of their own
+    /// pixels on the coarse ones.
     pub tolerance: f64,
     /// Least share of the points that must be in the picture.
     pub least_inside: f64,
@@ -77,11 +79,11 @@ impl Default for AlignmentParams {
             levels: 3,
             finest: 0,
             smoothing: 1.0,
-            points: 2000,
+            points: 1000,
             least_gradient: 1.0,
             robust: None,
             iterations: 30,
-            tolerance: 0.01,
+            tolerance: 0.02,
             least_inside: 0.5,
             reach: 24.0,
         }

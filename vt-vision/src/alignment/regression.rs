@@ -98,6 +98,15 @@ impl Curve {
         Some(())
     }
 
+    /// Takes from `values` the curve over `levels` that fits them best; `None` without weights.
+    pub fn centre(&mut self, levels: &[Row], values: &mut [Row], weights: &[Row]) -> Option<()> {
+        self.fit(levels, values, weights)?;
+        for ((values, levels), weights) in values.iter_mut().zip(levels).zip(weights) {
+            (0..LANES).filter(|&k| weights[k] > 0.0).for_each(|k| values[k] -= self.at(levels[k])[0]);
+        }
+        Some(())
+    }
+
     /// Value and slope at a grey level of the template.
     #[inline(always)]
     pub fn at(&self, level: f64) -> [f64; 2] {

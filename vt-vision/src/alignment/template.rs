@@ -72,7 +72,7 @@ where
     ) -> Result<Self, TemplateError> {
         let params = params.check()?;
         let corners = Rectangle::new(size)?.corners();
-        let kernel = Gaussian::new(params.smoothing)?;
+        let kernel = Gaussian::with_reach(params.smoothing, (2.0 * params.smoothing).ceil() as u32)?;
         if !picture_from_model.is_finite() {
             return Err(TemplateError::Pose);
         }
