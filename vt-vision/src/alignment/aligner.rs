@@ -27,7 +27,7 @@ const LEAST_SCALE: f64 = 0.5;
 
 /// Steps of a level in which the scale of the residuals is found anew; later it is held, or weights and pose might chase each
 /// other.
-const SCALED_STEPS: u32 = 3;
+const SCALED_STEPS: u32 = 10;
 
 /// How many times longer the last step on a coarse level may be: the finer ones go on from there.
 const COARSE_TOLERANCE: f64 = 10.0;

@@ -34,39 +34,28 @@ where
     records.iter().map(|r| r.ratio().expect("trials")).collect()
 }
 
+/// Pictures of other light and noise have errors as large as their covariances say, in the mean over 40 of them: a tenth more or less
+/// is chance. Seeds are fixed. The template is small and its noise is that of the picture, so a homography bends a little further than
+/// to first order.
 #[test]
 fn covariances_are_those_of_the_errors() {
     let mut all = vec![];
     for similarity in Similarity::ALL {
         for method in [Method::InverseCompositional, Method::Esm] {
-            for (smoothing, tolerance) in [(1.0, 0.02), (1.0, 0.001), (1.6, 0.02)] {
-                all.push(AlignmentParams {
-                    similarity,
-                    method,
-                    smoothing,
-                    tolerance,
-                    ..AlignmentParams::default()
-                });
-            }
+            all.push(AlignmentParams { similarity, method, ..AlignmentParams::default() });
         }
     }
-    let n: u64 = std::env::var("TRIALS").map_or(40, |v| v.parse().unwrap());
     for noise in [4.0, 10.0] {
         let of = [
-            ratios::<Vector<2>>(&all, noise, n),
-            ratios::<Sim2>(&all, noise, n),
-            ratios::<Affine2>(&all, noise, n),
-            ratios::<SL3>(&all, noise, n),
+            ratios::<Vector<2>>(&all, noise, 40),
+            ratios::<Sim2>(&all, noise, 40),
+            ratios::<Affine2>(&all, noise, 40),
+            ratios::<SL3>(&all, noise, 40),
         ];
         for (k, p) in all.iter().enumerate() {
-            println!(
-                "{:?} {:?} noise {noise} smoothing {} {}: {:.2?}",
-                p.similarity,
-                p.method,
-                p.smoothing,
-                p.tolerance,
-                of.each_ref().map(|v| v[k])
-            );
+            let ratios = of.each_ref().map(|v| v[k]);
+            println!("{:?} {:?}, noise {noise}: {ratios:.2?}", p.similarity, p.method);
+            assert!(ratios.iter().all(|r| (0.7..1.4).contains(r)), "{p:?} {ratios:?}");
         }
     }
 }
