@@ -25,9 +25,9 @@ const LONGEST_STEP: f64 = 8.0;
 /// Least scale of the grey-level residuals: rounding.
 const LEAST_SCALE: f64 = 0.5;
 
-/// Steps of a level in which the scale of the residuals is found anew; later it is held, or weights and pose might chase each
-/// other.
-const SCALED_STEPS: u32 = 10;
+/// The scale of the residuals is found anew as long as a corner moves farther than this many pixels of the level; then it is held, or
+/// weights and pose might chase each other.
+const STILL: f64 = 0.1;
 
 /// How many times longer the last step on a coarse level may be: the finer ones go on from there.
 const COARSE_TOLERANCE: f64 = 10.0;
@@ -166,10 +166,10 @@ where
         let params = &template.params;
         let pixel = f64::from(1u32 << level.number);
         let coarse = if level.number > params.finest { COARSE_TOLERANCE } else { 1.0 };
-        let mut curvature = None;
+        let (mut curvature, mut moved) = (None, f64::INFINITY);
         for step in 0..params.iterations {
             self.look(template, level, &at.pose)?;
-            self.compare(params, level, step)?;
+            self.compare(params, level, step == 0, moved > STILL * pixel)?;
             let h = self.curvature(params, level, &mut curvature);
             let g = steepest::sum(&level.points, self.slope(params, level));
             let (h, g) = (template.basis.matrix(&at.pose, &h), template.basis.vector(&at.pose, &g));
@@ -177,10 +177,8 @@ where
                 .or_else(|| cholesky(template.basis.matrix(&at.pose, &level.curvature)))
                 .ok_or(AlignmentError::Singular)?
                 .solve(&g);
-            let Some((next, moved)) = stepped(template, &at.pose, d, LONGEST_STEP * pixel) else {
-                return Err(AlignmentError::Singular);
-            };
-            at.pose = next;
+            (at.pose, moved) =
+                stepped(template, &at.pose, d, LONGEST_STEP * pixel).ok_or(AlignmentError::Singular)?;
             at.iterations += 1;
             if moved <= coarse * params.tolerance * pixel {
                 at.stop = StopReason::SmallStep;
@@ -208,10 +206,16 @@ where
         }
     }
 
-    /// Evaluates the measure; with an M-estimator the weights are those of the residuals before.
-    fn compare(&mut self, params: &AlignmentParams, level: &Level, step: u32) -> Result<(), AlignmentError> {
+    /// Evaluates the measure; with an M-estimator under the weights before, then under those of its residuals, in units of their
+    /// scale now (`scaled`) or before.
+    fn compare(
+        &mut self,
+        params: &AlignmentParams,
+        level: &Level,
+        first: bool,
+        scaled: bool,
+    ) -> Result<(), AlignmentError> {
         let Self { seen, weights, influence, measure, curve, .. } = self;
-        let first = step == 0;
         if first || params.robust.is_none() {
             weights.clone_from(&seen.inside);
         }
@@ -233,7 +237,7 @@ where
             }
         }
         if let Some(kind) = params.robust {
-            self.reweigh(kind, step < SCALED_STEPS);
+            self.reweigh(kind, scaled);
             let Self { seen, weights, influence, measure, .. } = self;
             let pair = Pair { template: &level.grey, picture: &seen.level, weight: weights };
             measure.evaluate(pair, influence).ok_or(AlignmentError::Flat)?;
@@ -299,9 +303,8 @@ where
         let information = template.params.similarity.is_information();
         let mut curvature =
             |slope: &Gradients| measure.curvature(pair, &level.points, &level.gradient, Some(slope), scratch);
-        // The mixed derivative: the noise of the template's gradients is not that of the picture's, and products of the
-        // two have none of it in the mean. Squares would, and promise too much. Of a square of the mean of both it is what changes its
-        // sign with one of them.
+        // The mixed derivative: products of the template's gradients with the picture's have no noise in the mean, where squares
+        // of either would promise too much. Of a square of their sum it is what changes its sign with one of them.
         let mut h = curvature(&seen.slope);
         let mean = h;
         if !information {

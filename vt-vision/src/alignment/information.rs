@@ -139,6 +139,11 @@ impl Information {
 impl Measure for Information {
     fn begin(&mut self, pair: Pair) {
         self.ranges = [Range::of(pair.template, pair.weight), Range::of(pair.picture, pair.weight)];
+        // Those of the template stay while the picture moves.
+        self.windows.resize(pair.template.len() * LANES, Default::default());
+        for (windows, level) in self.windows.iter_mut().zip(pair.template.as_flattened()) {
+            windows[0] = self.ranges[0].window(*level);
+        }
     }
 
     fn evaluate(&mut self, pair: Pair, out: &mut Influence) -> Option<f64> {
@@ -149,19 +154,21 @@ impl Measure for Information {
         if !self.ranges.iter().all(|r| r.high > r.low) {
             return None;
         }
-        self.windows.resize(blocks * LANES, Default::default());
         let (mut p, mut sum) = (Table::default(), 0.0);
         for b in 0..blocks {
             let w = &pair.weight[b];
             for k in (0..LANES).filter(|&k| w[k] > 0.0) {
-                let t = self.ranges[0].window(pair.template[b][k]);
+                let t = self.windows[b * LANES + k][0];
                 let i = self.ranges[1].window(pair.picture[b][k]);
-                for (row, value) in p[t.first..t.first + 4].iter_mut().zip(t.value) {
-                    let value = w[k] * value;
-                    row[i.first..i.first + 4].iter_mut().zip(i.value).for_each(|(p, v)| *p += value * v);
+                for a in 0..4 {
+                    let value = w[k] * t.value[a];
+                    let row = &mut p[t.first + a][i.first..][..4];
+                    for c in 0..4 {
+                        row[c] += value * i.value[c];
+                    }
                 }
                 sum += w[k];
-                self.windows[b * LANES + k] = [t, i];
+                self.windows[b * LANES + k][1] = i;
             }
         }
         self.total = sum;
@@ -186,10 +193,14 @@ impl Measure for Information {
                 let [t, i] = &self.windows[b * LANES + k];
                 let (mut slope, mut across) = (0.0, 0.0);
                 for a in 0..4 {
-                    let row = &change[t.first + a][i.first..i.first + 4];
-                    let inner = |v: &[f64; 4]| row.iter().zip(v).map(|(r, v)| r * v).sum::<f64>();
-                    slope += t.slope[a] * inner(&i.value);
-                    across += t.value[a] * inner(&i.slope);
+                    let row = &change[t.first + a][i.first..][..4];
+                    let (mut by_value, mut by_slope) = (0.0, 0.0);
+                    for c in 0..4 {
+                        by_value += row[c] * i.value[c];
+                        by_slope += row[c] * i.slope[c];
+                    }
+                    slope += t.slope[a] * by_value;
+                    across += t.value[a] * by_slope;
                 }
                 (by_template[k], by_picture[k]) = (w[k] * slope / sum, w[k] * across / sum);
             }

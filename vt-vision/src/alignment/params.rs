@@ -79,11 +79,11 @@ impl Default for AlignmentParams {
             levels: 3,
             finest: 0,
             smoothing: 1.0,
-            points: 1000,
+            points: 2000,
             least_gradient: 1.0,
             robust: None,
             iterations: 30,
-            tolerance: 0.02,
+            tolerance: 0.01,
             least_inside: 0.5,
             reach: 24.0,
         }

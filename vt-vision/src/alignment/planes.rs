@@ -90,7 +90,8 @@ impl View<'_> {
         let start = j * self.stride + i;
         let above = self.values.get(start..start + 2)?;
         let below = self.values.get(start + self.stride..start + self.stride + 2)?;
-        let [a, b, c, d] = [above[0], above[1], below[0], below[1]].map(f64::from);
+        let (a, b) = (f64::from(above[0]), f64::from(above[1]));
+        let (c, d) = (f64::from(below[0]), f64::from(below[1]));
         let (upper, lower) = (b - a, d - c);
         let (left, middle) = (a + u * upper, c + u * lower);
         Some([left + v * (middle - left), upper + v * (lower - upper), middle - left])

@@ -13,11 +13,11 @@
 //! Curvature: Gauss–Newton's `Σ w J Jᵀ` with `J = f' ∇T G` or the mean of that and the picture's `∇I G`, less what `f` explains.
 
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
-use vt_core::batch::{LANES, Row, dot, total, vectorized};
+use vt_core::batch::{LANES, Row, vectorized};
 
 use super::measure::{Influence, Measure, Pair};
 use super::params::Similarity;
-use super::steepest::{self, Gradients, Matrix8, NOTHING, Points, Vector8};
+use super::steepest::{self, Gradients, Matrix8, NOTHING, Points, add, add_products, whole};
 
 /// Knots of the curve of SCV.
 pub(super) const KNOTS: usize = 16;
@@ -63,7 +63,7 @@ impl Curve {
                 sum += weights[k];
             }
         }
-        if !(low < high) {
+        if low >= high {
             return None;
         }
         (self.low, self.density) = (low, (KNOTS - 1) as f64 / (high - low));
@@ -154,7 +154,7 @@ struct Line {
 
 impl Line {
     fn fit(pair: Pair) -> Option<Self> {
-        let mut s = [0.0; 6];
+        let mut s = [[0.0; 8]; 6];
         for ((t, i), w) in pair.template.iter().zip(pair.picture).zip(pair.weight) {
             vectorized(
                 #[inline(always)]
@@ -163,12 +163,16 @@ impl Line {
                     for k in 0..LANES {
                         (wt[k], wi[k]) = (w[k] * t[k], w[k] * i[k]);
                     }
-                    let sums = [total(w), total(&wt), total(&wi), dot(&wt, t), dot(&wt, i), dot(&wi, i)];
-                    s.iter_mut().zip(sums).for_each(|(s, v)| *s += v);
+                    add(&mut s[0], w);
+                    add(&mut s[1], &wt);
+                    add(&mut s[2], &wi);
+                    add_products(&mut s[3], &wt, t);
+                    add_products(&mut s[4], &wt, i);
+                    add_products(&mut s[5], &wi, i);
                 },
             );
         }
-        let [n, t, i, tt, ti, ii] = s;
+        let [n, t, i, tt, ti, ii] = s.map(whole);
         let (tt, ti, ii) = (tt - t * t / n, ti - t * i / n, ii - i * i / n);
         if !(n > 0.0 && tt > FLAT * n && ii > FLAT * n) {
             return None;
@@ -260,24 +264,8 @@ impl Regression {
 
     /// What a line explains of `Σ w J Jᵀ`.
     fn explained_by_line(&self, pair: Pair, points: &Points, g: &Gradients) -> Matrix8 {
-        let (mut ones, mut levels) = (Vector8::zeros(), Vector8::zeros());
-        for b in 0..points.x.len() {
-            vectorized(
-                #[inline(always)]
-                || {
-                    let j = steepest::rows(&points.x[b], &points.y[b], &g.x[b], &g.y[b]);
-                    let w = &pair.weight[b];
-                    let mut wt = NOTHING;
-                    for k in 0..LANES {
-                        wt[k] = w[k] * (pair.template[b][k] - self.line.mean[0]);
-                    }
-                    for r in 0..8 {
-                        ones[r] += dot(w, &j[r]);
-                        levels[r] += dot(&wt, &j[r]);
-                    }
-                },
-            );
-        }
+        let [ones, levels] = steepest::moments(points, g, pair.weight, pair.template);
+        let levels = levels - ones * self.line.mean[0];
         let squared = self.line.length[0] * self.line.length[0];
         ones * ones.transpose() / self.line.sum + levels * levels.transpose() / squared
     }

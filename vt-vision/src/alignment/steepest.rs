@@ -6,7 +6,7 @@
 //! one size.
 
 use nalgebra::{DefaultAllocator, Matrix3, Point2, SMatrix, SVector, U1};
-use vt_core::batch::{LANES, Row, dot, total, vectorized};
+use vt_core::batch::{LANES, Row, vectorized};
 use vt_core::lie::{PlanarMotion, SL3};
 use vt_core::manifold::{Alloc, Square, Tangent};
 
@@ -125,26 +125,54 @@ pub(super) fn rows(x: &Row, y: &Row, gx: &Row, gy: &Row) -> [Row; 8] {
     j
 }
 
+/// Sums of every eighth lane, so that a sum is as wide as registers are; the order does not depend on the machine.
+pub(super) type Lanes = [f64; 8];
+
+/// `sums += a b`, lane by lane.
+#[inline(always)]
+pub(super) fn add_products(sums: &mut Lanes, a: &Row, b: &Row) {
+    for k in 0..LANES / 8 {
+        for l in 0..8 {
+            sums[l] += a[8 * k + l] * b[8 * k + l];
+        }
+    }
+}
+
+/// `sums += a`, lane by lane.
+#[inline(always)]
+pub(super) fn add(sums: &mut Lanes, a: &Row) {
+    for k in 0..LANES / 8 {
+        for l in 0..8 {
+            sums[l] += a[8 * k + l];
+        }
+    }
+}
+
+/// The whole sum.
+pub(super) fn whole([a, b, c, d, e, f, g, h]: Lanes) -> f64 {
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
 /// `Σ G_SL3(x)ᵀ g`.
 pub(super) fn sum(points: &Points, g: &Gradients) -> Vector8 {
-    let mut out = Vector8::zeros();
+    let mut sums = [[0.0; 8]; 8];
     for b in 0..points.x.len() {
         vectorized(
             #[inline(always)]
             || {
                 let j = rows(&points.x[b], &points.y[b], &g.x[b], &g.y[b]);
                 for r in 0..8 {
-                    out[r] += total(&j[r]);
+                    add(&mut sums[r], &j[r]);
                 }
             },
         );
     }
-    out
+    Vector8::from(sums.map(whole))
 }
 
 /// `Σ w Jᵀ J` of the rows `J = gᵀ G_SL3(x)`.
 pub(super) fn squares(points: &Points, g: &Gradients, weights: &[Row]) -> Matrix8 {
-    let mut out = Matrix8::zeros();
+    let mut sums = [[[0.0; 8]; 8]; 8];
     for (b, weights) in weights.iter().enumerate() {
         vectorized(
             #[inline(always)]
@@ -156,14 +184,37 @@ pub(super) fn squares(points: &Points, g: &Gradients, weights: &[Row]) -> Matrix
                         weighted[k] = weights[k] * j[r][k];
                     }
                     for c in 0..=r {
-                        out[(r, c)] += dot(&weighted, &j[c]);
+                        add_products(&mut sums[r][c], &weighted, &j[c]);
                     }
                 }
             },
         );
     }
+    let mut out = Matrix8::from_fn(|r, c| whole(sums[r][c]));
     out.fill_upper_triangle_with_lower_triangle();
     out
+}
+
+/// `Σ w J` and `Σ w v J` with one number `v` a point.
+pub(super) fn moments(points: &Points, g: &Gradients, weights: &[Row], values: &[Row]) -> [Vector8; 2] {
+    let (mut ones, mut with_values) = ([[0.0; 8]; 8], [[0.0; 8]; 8]);
+    for (b, weights) in weights.iter().enumerate() {
+        vectorized(
+            #[inline(always)]
+            || {
+                let j = rows(&points.x[b], &points.y[b], &g.x[b], &g.y[b]);
+                let mut weighted = NOTHING;
+                for k in 0..LANES {
+                    weighted[k] = weights[k] * values[b][k];
+                }
+                for r in 0..8 {
+                    add_products(&mut ones[r], weights, &j[r]);
+                    add_products(&mut with_values[r], &weighted, &j[r]);
+                }
+            },
+        );
+    }
+    [ones, with_values].map(|sums| Vector8::from(sums.map(whole)))
 }
 
 /// The matrix `E` of a group, by columns.

@@ -40,7 +40,7 @@ fn corners_find_back_from_several_pixels() {
     let mut all = vec![];
     for similarity in Similarity::ALL {
         for method in [Method::InverseCompositional, Method::Esm] {
-            all.push(AlignmentParams { similarity, method, ..AlignmentParams::default() });
+            all.push(AlignmentParams { similarity, method, points: 1000, ..AlignmentParams::default() });
         }
     }
     for (params, rates) in all.iter().zip(rates(&all)) {
