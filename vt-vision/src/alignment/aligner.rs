@@ -27,7 +27,7 @@ const LEAST_SCALE: f64 = 0.5;
 
 /// The scale of the residuals is found anew as long as a corner moves farther than this many pixels of the level; then it is held, or
 /// weights and pose might chase each other.
-const STILL: f64 = 0.1;
+const STILL: f64 = 0.03;
 
 /// How many times longer the last step on a coarse level may be: the finer ones go on from there.
 const COARSE_TOLERANCE: f64 = 10.0;

@@ -5,7 +5,7 @@
 //! those of the group afterwards. Points are in units of half the template's diagonal, so that the coordinates are of
 //! one size.
 
-use nalgebra::{DefaultAllocator, Matrix3, Point2, SMatrix, SVector, U1};
+use nalgebra::{DefaultAllocator, Dim, Matrix3, Point2, SMatrix, SVector, U1};
 use vt_core::batch::{LANES, Row, vectorized};
 use vt_core::lie::{PlanarMotion, SL3};
 use vt_core::manifold::{Alloc, Square, Tangent};
@@ -244,7 +244,6 @@ impl Basis {
             }
             inverse * motion
         };
-        use nalgebra::Dim;
         Self { columns: (0..at.dim().value()).map(column).collect() }
     }
 

@@ -1,7 +1,7 @@
 //! What changes of the light and occluders do.
 
 use image::{GrayImage, Luma};
-use vt_core::lie::{Affine2, SL3, Sim2};
+use vt_core::lie::{Affine2, PlanarMotion, SL3, Sim2};
 use vt_core::robust::Robust;
 use vt_vision::alignment::{Aligned, Aligner, AlignmentError, AlignmentParams, Method, Similarity, Template};
 
@@ -27,7 +27,7 @@ fn with(similarity: Similarity, method: Method) -> AlignmentParams {
 
 /// Error in pixels under light, of all that should hold under it.
 fn holds(kinds: &[Similarity], light: fn(f64) -> f64) {
-    let truth = Affine2 { matrix: truth().matrix_of() };
+    let truth = Affine2 { matrix: truth().matrix() };
     let picture = Waves::new(5).draw(&truth, light, 1.0, 51);
     for &similarity in kinds {
         for method in METHODS {
@@ -36,17 +36,6 @@ fn holds(kinds: &[Similarity], light: fn(f64) -> f64) {
             assert!(found.converged() && error < 0.12, "{similarity:?} {method:?}: {error}");
             assert_eq!((found.inside, found.inliers), (1.0, 1.0));
         }
-    }
-}
-
-/// Its matrix.
-trait MatrixOf {
-    fn matrix_of(&self) -> nalgebra::Matrix3<f64>;
-}
-
-impl MatrixOf for Sim2 {
-    fn matrix_of(&self) -> nalgebra::Matrix3<f64> {
-        vt_core::lie::PlanarMotion::matrix(self)
     }
 }
 
@@ -71,7 +60,7 @@ fn curves_do_not_matter_to_conditional_variance_and_information() {
 
 #[test]
 fn scores_tell_the_template_from_something_else() {
-    let truth = Affine2 { matrix: truth().matrix_of() };
+    let truth = Affine2 { matrix: truth().matrix() };
     let (same, other) =
         (Waves::new(5).draw(&truth, |v| v, 4.0, 52), Waves::new(6).draw(&truth, |v| v, 4.0, 53));
     for similarity in Similarity::ALL {
@@ -87,7 +76,7 @@ fn scores_tell_the_template_from_something_else() {
 
 #[test]
 fn an_m_estimator_leaves_an_occluder_out() {
-    let truth = Affine2 { matrix: truth().matrix_of() };
+    let truth = Affine2 { matrix: truth().matrix() };
     let mut picture = Waves::new(5).draw(&truth, |v| v, 1.0, 54);
     for y in 40..80 {
         for x in 50..78 {
@@ -113,7 +102,7 @@ fn an_m_estimator_leaves_an_occluder_out() {
 
 #[test]
 fn the_same_picture_gives_the_same_bytes() {
-    let truth = SL3::from_matrix(&truth().matrix_of()).expect("regular");
+    let truth = SL3::from_matrix(&truth().matrix()).expect("regular");
     let start = upright::<SL3>();
     let reference = Waves::new(5).draw(&start, |v| v, 1.0, 50);
     let picture = Waves::new(5).draw(&truth, |v| v, 1.0, 55);
