@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod adaptation;
+pub mod alignment;
 pub mod blobs;
 pub mod canny;
 pub mod color;
