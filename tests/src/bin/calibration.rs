@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Parser;
 use vt_core::math;
+use vt_core::report::Status;
 use vt_sim::scenario::Disturbance;
 use vt_tests::monte_carlo::{FITTED, JUDGED, picture, track};
 use vt_tests::replay::median;
@@ -46,8 +47,8 @@ fn main() -> Result<()> {
         let wrong =
             |r: &vt_tests::monte_carlo::Record| r.relative > 0.1 || r.error.rotation > 10f64.to_radians();
         let lost = records.iter().filter(|r| wrong(r)).count();
-        let told = records.iter().filter(|r| wrong(r) && r.verdict.loss_probability > 0.5).count();
-        records.retain(|r| r.verdict.loss_probability < 0.5);
+        let told = records.iter().filter(|r| wrong(r) && r.verdict.status != Status::Tracking).count();
+        records.retain(|r| r.verdict.status == Status::Tracking);
         let n = records.len() as f64;
         let mean = records.iter().map(|r| r.nees).sum::<f64>() / n / 6.0;
         let covered = records.iter().filter(|r| r.nees <= inside).count() as f64 / n;
