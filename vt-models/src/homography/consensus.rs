@@ -4,9 +4,10 @@
 //! 2000), local optimisation (O. Chum, J. Matas, J. Kittler, "Locally optimized RANSAC", 2003), and samples from the most trusted
 //! pairs first (O. Chum, J. Matas, "Matching with PROSAC", 2005).
 
-use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
+use nalgebra::{Matrix2, Point2, Vector2};
 use vt_core::agent::{Posed, Warp};
 use vt_core::error::ConfigError;
+use vt_core::least_squares::symmetric_eigen;
 use vt_core::lie::SL3;
 use vt_core::math;
 use vt_core::random::Random;
@@ -165,7 +166,7 @@ impl Consensus {
         let mut best = (count, needed(self.agreeing.len(), count));
         if params.ordered {
             // The share is highest just after a pair that agrees. Few pairs might agree by chance.
-            for (k, &last) in (1..).zip(&self.agreeing).skip(params.least_pairs - 1) {
+            for (k, &last) in (1..).zip(&self.agreeing).skip(params.least_pairs.saturating_sub(1)) {
                 let samples = needed(k, last as usize + 1);
                 if samples < best.1 {
                     best = (last as usize + 1, samples);
@@ -181,7 +182,7 @@ impl Consensus {
             let points = || self.agreeing.iter().map(|&k| at(&pairs[k as usize]).coords);
             let mean = points().sum::<Vector2<f64>>() / self.agreeing.len() as f64;
             let scatter: Matrix2<f64> = points().map(|p| (p - mean) * (p - mean).transpose()).sum();
-            let values = SymmetricEigen::new(scatter).eigenvalues;
+            let (values, _) = symmetric_eigen(&scatter);
             values.min() > LEAST_SPREAD * LEAST_SPREAD * values.max()
         };
         wide(|p| p.body) && wide(|p| p.seen)

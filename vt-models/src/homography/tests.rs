@@ -138,6 +138,25 @@ fn chance_and_lines_are_no_plane() {
     }
 }
 
+/// Parameters that nobody has checked, and numbers whose squares are beyond all bounds.
+#[test]
+fn odd_parameters_and_sizes_do_no_harm() {
+    let mut random = Random::new(14, Stream::Sim, 0, 0, 0);
+    let exact = noisy(20, 0, 0.0, &mut random);
+    let mut search = Consensus::default();
+    for (least_pairs, count) in [(0, 20), (0, 5), (0, 3), (usize::MAX, 20)] {
+        let params = ConsensusParams { least_pairs, ..ConsensusParams::default() };
+        let found = search.find(&exact[..count], &params, &mut random);
+        assert_eq!(found.is_some(), least_pairs == 0 && count > 3, "{least_pairs} {count}");
+    }
+    for size in [1e-200, 1e160, 1e300] {
+        let sized =
+            |p: &Pair<Point2<f64>>| Pair { body: p.body * size, seen: p.seen * size, deviation: size };
+        let huge: Vec<_> = exact.iter().map(sized).collect();
+        let _ = (fit(huge.iter()), search.find(&huge, &ConsensusParams::default(), &mut random));
+    }
+}
+
 #[test]
 fn parameters_out_of_range_are_refused() {
     let good = ConsensusParams::default();

@@ -155,7 +155,8 @@ impl Level {
         let pixels = magnification(matrix);
         let inner = half.map(|h| h - (BORDER / pixels).min(LARGEST_BORDER * h));
         let side = (4.0 * inner[0] * inner[1] / params.points as f64).sqrt().max(1.0 / pixels);
-        let cells = inner.map(|h| ((2.0 * h / side).round() as usize).max(1));
+        // A narrow strip has one row of cells, however many squares would fit along it.
+        let cells = inner.map(|h| ((2.0 * h / side).round() as usize).clamp(1, params.points));
         let tries = ((side * pixels) as usize).clamp(1, 3);
         let mut grid: Vec<Option<Chosen>> = vec![None; cells[0] * cells[1]];
         for (n, cell) in grid.iter_mut().enumerate() {

@@ -34,7 +34,8 @@ pub struct SiftParams {
     /// Deviation of the smoothing that the picture has from its camera, pixels. Lowe assumes 0.5; on the planar pairs of `sift_pairs`
     /// a quarter more matches are right with 0, where what the first levels show is a little smoother.
     pub input_blur: f64,
-    /// Whether the first octave has twice the resolution of the picture: four times the work, and the small keypoints.
+    /// Whether the first octave has twice the resolution of the picture: four times the work and memory (with three layers about 130
+    /// bytes a pixel of the region), and the small keypoints.
     pub doubled: bool,
     /// Most octaves.
     pub octaves: usize,
