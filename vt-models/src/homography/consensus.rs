@@ -35,11 +35,12 @@ pub struct ConsensusParams {
     pub deviations: f64,
     /// Probability that at least one sample had pairs only that agree; then the search ends.
     pub confidence: f64,
-    /// Most samples.
+    /// Most samples. Ordered ones take in at most one more pair a sample: what lies farther back than this is only fitted to.
     pub most_samples: u32,
     /// Fewest pairs that must agree.
     pub least_pairs: usize,
-    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first.
+    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first, and may
+    /// end the search by themselves. False for pairs in any other order.
     pub ordered: bool,
 }
 
@@ -78,7 +79,7 @@ impl ConsensusParams {
 /// What a search found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Least squares over the pairs that agree, in algebraic error.
+    /// Fitted to pairs that agree, in algebraic error; that of the best sample where no fit is better.
     pub homography: SL3,
     /// Sum over all pairs of the squared distance in deviations, at most that of a pair that just agrees.
     pub cost: f64,

@@ -122,7 +122,7 @@ where
         &self.params
     }
 
-    /// Corners in the plane of the model, in order around it.
+    /// Corners in the plane of the model, in its units, in order around it.
     pub fn corners(&self) -> [Point2<f64>; 4] {
         self.corners
     }
@@ -133,7 +133,7 @@ where
     }
 }
 
-/// A chosen point: its cell, place, grey level and gradient along its coordinates, and its place in pixels of the level.
+/// A chosen point: its place, the same in pixels of the level, grey level, and gradient along the coordinates of the place.
 #[derive(Clone, Copy, Debug)]
 struct Chosen {
     place: Point2<f64>,
