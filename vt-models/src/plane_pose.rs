@@ -30,8 +30,8 @@ impl PlanePoses {
     }
 }
 
-/// Poses of a plane from at least four of its points, metres, seen by a calibrated camera. None where the points do not determine a
-/// homography, where a pixel has no ray, or where no pose has all points before the camera.
+/// Poses of a plane from at least four of its points, metres, seen from either side by a calibrated camera. None where the points do
+/// not determine a homography, where a pixel has no ray, or where no pose has all points before the camera.
 ///
 /// A start for [`refine`](crate::reprojection::refine) with [`Se3Warp`], which gives the covariance, too.
 pub fn plane_poses(camera: &Camera, pairs: &[Pair<Point2<f64>>]) -> Option<PlanePoses> {
@@ -160,7 +160,8 @@ mod tests {
         /// Exact points give the exact pose, and the other one is tilted the other way.
         #[test]
         fn the_true_pose_is_one_of_both(
-            turn in prop::array::uniform3(-1.1..1.1f64), behind in any::<bool>(), shift in prop::array::uniform2(-0.2..0.2f64), depth in 0.8..3.0f64,
+            turn in prop::array::uniform3(-1.1..1.1f64), behind in any::<bool>(),
+            shift in prop::array::uniform2(-0.2..0.2f64), depth in 0.8..3.0f64,
             points in prop::collection::vec(prop::array::uniform2(-0.15..0.15f64), 4..12), origin in prop::array::uniform2(-0.3..0.3f64),
         ) {
             let mut pose = SE3::from_rotation_vector(&turn.into(), Vector3::new(shift[0], shift[1], depth));

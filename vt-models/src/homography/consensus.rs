@@ -22,6 +22,10 @@ const SAMPLE: usize = 4;
 /// Factors of the bound under which pairs agree, one for each improvement of a sample's homography.
 const WIDENING: [f64; 6] = [3.0, 2.0, 1.5, 1.0, 1.0, 1.0];
 
+/// Fewest samples of ordered pairs: a few wrong ones that agree may come first, and by these alone a search would end at once. Enough
+/// for a dozen of them.
+const LEAST_SAMPLES: u32 = 50;
+
 /// Least sine of an angle of a triangle of a sample.
 const LEAST_SINE: f64 = 0.05;
 
@@ -39,8 +43,8 @@ pub struct ConsensusParams {
     pub most_samples: u32,
     /// Fewest pairs that must agree.
     pub least_pairs: usize,
-    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first, and may
-    /// end the search by themselves. False for pairs in any other order.
+    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first, and after
+    /// 50 samples may end the search by themselves. False for pairs in any other order.
     pub ordered: bool,
 }
 
@@ -115,9 +119,13 @@ impl Consensus {
         }
         let mut growth = Growth::new(count, params);
         let mut best: Option<Found> = None;
-        let mut needed = f64::from(params.most_samples);
+        let least = if params.ordered { LEAST_SAMPLES.min(params.most_samples) } else { 0 };
+        let (mut among, mut needed) = (count, f64::INFINITY);
         let mut samples = 0;
-        while f64::from(samples) < needed {
+        while samples < params.most_samples && (samples < least || f64::from(samples) < needed) {
+            if samples >= least {
+                growth.limit(among);
+            }
             samples += 1;
             let sample = growth.sample(samples, random);
             let Some(homography) = from_sample(sample.map(|k| &pairs[k])) else { continue };
@@ -129,9 +137,7 @@ impl Consensus {
             // The trial holds those that agree.
             core::mem::swap(&mut self.agreeing, &mut self.trial);
             best = Some(found);
-            let (among, enough) = self.enough(count, params);
-            growth.limit(among);
-            needed = needed.min(enough);
+            (among, needed) = self.enough(count, params);
         }
         let found = best.filter(|_| self.agreeing.len() >= params.least_pairs && self.is_spread(pairs));
         if found.is_none() {

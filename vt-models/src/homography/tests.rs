@@ -121,6 +121,24 @@ fn order_saves_samples() {
     assert!(10 * sums[0] < sums[1], "{sums:?}");
 }
 
+/// Something small that is there twice may have the matches that are trusted most.
+#[test]
+fn a_few_that_agree_come_first_in_vain() {
+    let mut search = Consensus::default();
+    for first in [8, 12] {
+        for trial in 0..30 {
+            let mut random = Random::new(15, Stream::Sim, 0, trial, 0);
+            let mut pairs = noisy(220, 0, 0.5, &mut random);
+            for pair in &mut pairs[..first] {
+                pair.seen =
+                    pair.body + Vector2::new(400.0 + 0.5 * random.normal(), 100.0 + 0.5 * random.normal());
+            }
+            search.find(&pairs, &ConsensusParams::default(), &mut random).unwrap();
+            assert!(search.agreeing().len() > 190, "{first} {trial}: {}", search.agreeing().len());
+        }
+    }
+}
+
 #[test]
 fn chance_and_lines_are_no_plane() {
     let (mut search, params) =
