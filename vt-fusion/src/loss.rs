@@ -119,16 +119,17 @@ pub struct LossWeights {
 }
 
 impl Default for LossWeights {
-    /// Chosen for the edge tracker on simulated scenes (`docs/loss.md`), where the spread is judged against
-    /// [`tolerated`]. Unsupported contour and misfit add nothing to the other signs there; their weights are for other evidence.
+    /// Fitted to the edge tracker on simulated scenes (`docs/loss.md`), where the spread is judged against
+    /// [`tolerated`]. Unsupported contour adds nothing to the likelihood ratio there;
+    /// its weight is for evidence without one.
     fn default() -> Self {
         Self {
-            bias: 11.0,
+            bias: 5.3,
             unsupported: 0.0,
-            log_ratio: -1.5,
-            misfit: 0.0,
-            surprise: 3.3,
-            spread: 4.4,
+            log_ratio: -1.2,
+            misfit: 0.2,
+            surprise: 1.4,
+            spread: 1.3,
             least: -4.4,
         }
     }
@@ -171,7 +172,7 @@ impl FusedLoss {
 
     /// Probability of a loss above which a step of the default is doubtful: a wrong pose that looks right and says that it is certain
     /// is seldom likelier than not.
-    pub const DOUBT: f64 = 0.1;
+    pub const DOUBT: f64 = 0.2;
 
     /// A detector with these weights and this hysteresis, which keeps the share `memory` (0 to 1) of its log-odds from
     /// step to step.

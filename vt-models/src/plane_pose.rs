@@ -17,8 +17,8 @@ use crate::warp::Se3Warp;
 pub struct PlanePoses {
     /// `camera_from_plane`, the one with the smaller error first; the plane is `z = 0`.
     pub poses: [SE3; 2],
-    /// Root mean square of the distances in the picture, in deviations of the pairs; infinite for the second one where it would put
-    /// points behind the camera, and is the first one again.
+    /// Root mean square of the distances in the picture, in deviations of the pairs. Where the second pose would put points behind
+    /// the camera, its error is infinite and the first pose stands in its place.
     pub errors: [f64; 2],
 }
 
@@ -30,8 +30,8 @@ impl PlanePoses {
     }
 }
 
-/// Poses of a plane from at least four of its points, metres, seen by a calibrated camera. None where the points do not determine a
-/// homography, where a pixel has no ray, or where no pose has all points before the camera.
+/// Poses of a plane from at least four of its points, metres, seen from either side by a calibrated camera. None where the points do
+/// not determine a homography, where a pixel has no ray, or where no pose has all points before the camera.
 ///
 /// A start for [`refine`](crate::reprojection::refine) with [`Se3Warp`], which gives the covariance, too.
 pub fn plane_poses(camera: &Camera, pairs: &[Pair<Point2<f64>>]) -> Option<PlanePoses> {
@@ -77,7 +77,7 @@ fn rotations(h: &Matrix3<f64>) -> Option<[Rotation3<f64>; 2]> {
     let jacobian =
         Matrix2::new(h.m11 - h.m31 * v.x, h.m12 - h.m32 * v.x, h.m21 - h.m31 * v.y, h.m22 - h.m32 * v.y);
     // Turns the optical axis to the line of sight.
-    let sight = Rotation3::rotation_between(&Vector3::z(), &Vector3::new(v.x, v.y, 1.0))?;
+    let sight = to_sight(&v);
     let s = sight.matrix();
     let projection =
         Matrix2::new(s.m11 - v.x * s.m31, s.m12 - v.x * s.m32, s.m21 - v.y * s.m31, s.m22 - v.y * s.m32);
@@ -102,6 +102,23 @@ fn rotations(h: &Matrix3<f64>) -> Option<[Rotation3<f64>; 2]> {
         let columns = [first, second, first.cross(&second)];
         sight * Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns))
     }))
+}
+
+/// The smallest rotation of the optical axis to the ray `(v, 1)`; by square roots alone, so that bits are the same everywhere.
+fn to_sight(v: &Vector2<f64>) -> Rotation3<f64> {
+    let u = Vector3::new(v.x, v.y, 1.0).normalize();
+    let (x, y) = (u.x / (1.0 + u.z), u.y / (1.0 + u.z));
+    Rotation3::from_matrix_unchecked(Matrix3::new(
+        1.0 - x * u.x,
+        -x * u.y,
+        u.x,
+        -y * u.x,
+        1.0 - y * u.y,
+        u.y,
+        -u.x,
+        -u.y,
+        u.z,
+    ))
 }
 
 /// The translation with the least squares of `t_xy − u t_z = u (R x)_z − (R x)_xy` over all points.
@@ -143,17 +160,21 @@ mod tests {
         /// Exact points give the exact pose, and the other one is tilted the other way.
         #[test]
         fn the_true_pose_is_one_of_both(
-            turn in prop::array::uniform3(-1.1..1.1f64), shift in prop::array::uniform2(-0.2..0.2f64), depth in 0.8..3.0f64,
+            turn in prop::array::uniform3(-1.1..1.1f64), behind in any::<bool>(),
+            shift in prop::array::uniform2(-0.2..0.2f64), depth in 0.8..3.0f64,
             points in prop::collection::vec(prop::array::uniform2(-0.15..0.15f64), 4..12), origin in prop::array::uniform2(-0.3..0.3f64),
         ) {
-            let pose = SE3::from_rotation_vector(&turn.into(), Vector3::new(shift[0], shift[1], depth));
+            let mut pose = SE3::from_rotation_vector(&turn.into(), Vector3::new(shift[0], shift[1], depth));
+            if behind {
+                pose.rotation *= UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(0.0, 1.0, 0.0, 0.0));
+            }
             let corners = [[-0.15, -0.14], [0.15, -0.15], [0.14, 0.15], [-0.15, 0.15]];
             let origin = Vector2::from(origin);
             let at = |p: &[f64; 2]| Point2::from(*p) + origin;
             let points: Vec<_> = corners.iter().chain(&points).map(at).collect();
-            // The plane's front must be seen.
+            // From either side, but not along it.
             let front = (pose.rotation * Vector3::z()).dot(&(pose.act(&Point3::new(origin.x, origin.y, 0.0)).coords));
-            prop_assume!(front > 0.15);
+            prop_assume!(front.abs() > 0.15);
             let Some(pairs) = pairs(&pose, &points) else { return Ok(()) };
             let found = plane_poses(&camera(), &pairs).unwrap();
             let off = |p: &SE3| pose.inverse().compose(p).log().norm();

@@ -177,7 +177,7 @@ fn fill<P, W>(
     let dim = at.dim();
     for pair in pairs {
         let Some((y, jacobian)) = posed.linearize(&pair.body) else {
-            // So dear that no step loses a point of view.
+            // As dear as a wrong pair: a step that loses a point from view pays for it.
             out.cost += robust.rho(UNSEEN);
             continue;
         };

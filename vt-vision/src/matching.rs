@@ -15,8 +15,11 @@ const LANES: usize = 32;
 /// Descriptors of the first set that are compared at once.
 const ROWS: usize = 4;
 
-/// Descriptors of the first set that are one piece of work.
+/// Fewest descriptors of the first set that are one piece of work.
 const PIECE: usize = 64;
+
+/// Most pieces of work, each of which keeps eight bytes for every descriptor of the second set.
+const MOST_PIECES: usize = 64;
 
 /// When two descriptors are a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,12 +102,14 @@ impl Matcher {
         }
         self.interleave(second);
         self.nearest.resize(first.len(), Nearest { index: 0, distance: FAR, second: FAR });
-        let count = first.len().div_ceil(PIECE);
+        // No result depends on how the work is shared out.
+        let piece = PIECE.max(first.len().div_ceil(MOST_PIECES).next_multiple_of(ROWS));
+        let count = first.len().div_ceil(piece);
         self.pieces.resize(count.max(self.pieces.len()), Piece::default());
         let (columns, lengths) = (&self.columns, &self.lengths);
-        let work = first.par_chunks(PIECE).zip(self.nearest.par_chunks_mut(PIECE)).zip(&mut self.pieces);
-        work.enumerate().for_each(|(k, ((first, nearest), piece))| {
-            piece.compare(first, (k * PIECE) as u32, columns, lengths, nearest);
+        let work = first.par_chunks(piece).zip(self.nearest.par_chunks_mut(piece)).zip(&mut self.pieces);
+        work.enumerate().for_each(|(k, ((first, nearest), best))| {
+            best.compare(first, (k * piece) as u32, columns, lengths, nearest);
         });
         let limit = params.ratio * params.ratio;
         for (index, near) in (0u32..).zip(&self.nearest) {
@@ -272,6 +277,15 @@ mod tests {
             let found = matcher.compute(&first, &second, &params);
             prop_assert_eq!(found, &brute_force(&first, &second, &params)[..]);
         }
+    }
+
+    #[test]
+    fn many_descriptors_are_shared_out_in_few_pieces() {
+        let (first, second) = (some(3, PIECE * MOST_PIECES + 131, 4), some(4, 5, 4));
+        let params = MatchParams { ratio: 1.0, mutual: true };
+        let mut matcher = Matcher::default();
+        assert_eq!(matcher.compute(&first, &second, &params), &brute_force(&first, &second, &params)[..]);
+        assert!(matcher.pieces.len() <= MOST_PIECES);
     }
 
     #[test]

@@ -4,9 +4,10 @@
 //! 2000), local optimisation (O. Chum, J. Matas, J. Kittler, "Locally optimized RANSAC", 2003), and samples from the most trusted
 //! pairs first (O. Chum, J. Matas, "Matching with PROSAC", 2005).
 
-use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
+use nalgebra::{Matrix2, Point2, Vector2};
 use vt_core::agent::{Posed, Warp};
 use vt_core::error::ConfigError;
+use vt_core::least_squares::symmetric_eigen;
 use vt_core::lie::SL3;
 use vt_core::math;
 use vt_core::random::Random;
@@ -21,6 +22,10 @@ const SAMPLE: usize = 4;
 /// Factors of the bound under which pairs agree, one for each improvement of a sample's homography.
 const WIDENING: [f64; 6] = [3.0, 2.0, 1.5, 1.0, 1.0, 1.0];
 
+/// Fewest samples of ordered pairs: a few wrong ones that agree may come first, and by these alone a search would end at once. Enough
+/// for a dozen of them.
+const LEAST_SAMPLES: u32 = 50;
+
 /// Least sine of an angle of a triangle of a sample.
 const LEAST_SINE: f64 = 0.05;
 
@@ -34,11 +39,12 @@ pub struct ConsensusParams {
     pub deviations: f64,
     /// Probability that at least one sample had pairs only that agree; then the search ends.
     pub confidence: f64,
-    /// Most samples.
+    /// Most samples. Ordered ones take in at most one more pair a sample: what lies farther back than this is only fitted to.
     pub most_samples: u32,
     /// Fewest pairs that must agree.
     pub least_pairs: usize,
-    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first.
+    /// Whether pairs come in the order of falling trust, as by the ratio of their matches: the first ones are tried first, and after
+    /// 50 samples may end the search by themselves. False for pairs in any other order.
     pub ordered: bool,
 }
 
@@ -77,7 +83,7 @@ impl ConsensusParams {
 /// What a search found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Least squares over the pairs that agree, in algebraic error.
+    /// Fitted to pairs that agree, in algebraic error; that of the best sample where no fit is better.
     pub homography: SL3,
     /// Sum over all pairs of the squared distance in deviations, at most that of a pair that just agrees.
     pub cost: f64,
@@ -113,9 +119,13 @@ impl Consensus {
         }
         let mut growth = Growth::new(count, params);
         let mut best: Option<Found> = None;
-        let mut needed = f64::from(params.most_samples);
+        let least = if params.ordered { LEAST_SAMPLES.min(params.most_samples) } else { 0 };
+        let (mut among, mut needed) = (count, f64::INFINITY);
         let mut samples = 0;
-        while f64::from(samples) < needed {
+        while samples < params.most_samples && (samples < least || f64::from(samples) < needed) {
+            if samples >= least {
+                growth.limit(among);
+            }
             samples += 1;
             let sample = growth.sample(samples, random);
             let Some(homography) = from_sample(sample.map(|k| &pairs[k])) else { continue };
@@ -127,9 +137,7 @@ impl Consensus {
             // The trial holds those that agree.
             core::mem::swap(&mut self.agreeing, &mut self.trial);
             best = Some(found);
-            let (among, enough) = self.enough(count, params);
-            growth.limit(among);
-            needed = needed.min(enough);
+            (among, needed) = self.enough(count, params);
         }
         let found = best.filter(|_| self.agreeing.len() >= params.least_pairs && self.is_spread(pairs));
         if found.is_none() {
@@ -165,7 +173,7 @@ impl Consensus {
         let mut best = (count, needed(self.agreeing.len(), count));
         if params.ordered {
             // The share is highest just after a pair that agrees. Few pairs might agree by chance.
-            for (k, &last) in (1..).zip(&self.agreeing).skip(params.least_pairs - 1) {
+            for (k, &last) in (1..).zip(&self.agreeing).skip(params.least_pairs.saturating_sub(1)) {
                 let samples = needed(k, last as usize + 1);
                 if samples < best.1 {
                     best = (last as usize + 1, samples);
@@ -181,7 +189,7 @@ impl Consensus {
             let points = || self.agreeing.iter().map(|&k| at(&pairs[k as usize]).coords);
             let mean = points().sum::<Vector2<f64>>() / self.agreeing.len() as f64;
             let scatter: Matrix2<f64> = points().map(|p| (p - mean) * (p - mean).transpose()).sum();
-            let values = SymmetricEigen::new(scatter).eigenvalues;
+            let (values, _) = symmetric_eigen(&scatter);
             values.min() > LEAST_SPREAD * LEAST_SPREAD * values.max()
         };
         wide(|p| p.body) && wide(|p| p.seen)

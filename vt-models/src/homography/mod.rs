@@ -7,7 +7,8 @@ mod consensus;
 
 pub use consensus::{Consensus, ConsensusParams, Found};
 
-use nalgebra::{Matrix3, Point2, SMatrix, SVector, SymmetricEigen, Vector2};
+use nalgebra::{Matrix3, Point2, SMatrix, SVector, Vector2};
+use vt_core::least_squares::symmetric_eigen;
 use vt_core::lie::SL3;
 
 use crate::reprojection::Pair;
@@ -38,7 +39,7 @@ pub fn fit<'a>(pairs: impl Iterator<Item = &'a Pair<Point2<f64>>> + Clone) -> Op
     if !equations.iter().all(|v| v.is_finite()) {
         return None;
     }
-    let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(equations);
+    let (eigenvalues, eigenvectors) = symmetric_eigen(&equations);
     let least = eigenvalues.imin();
     let next = (0..9).filter(|&k| k != least).map(|k| eigenvalues[k]).fold(f64::INFINITY, f64::min);
     if next <= LEAST_RANK * eigenvalues.max() {

@@ -121,6 +121,24 @@ fn order_saves_samples() {
     assert!(10 * sums[0] < sums[1], "{sums:?}");
 }
 
+/// Something small that is there twice may have the matches that are trusted most.
+#[test]
+fn a_few_that_agree_come_first_in_vain() {
+    let mut search = Consensus::default();
+    for first in [8, 12] {
+        for trial in 0..30 {
+            let mut random = Random::new(15, Stream::Sim, 0, trial, 0);
+            let mut pairs = noisy(220, 0, 0.5, &mut random);
+            for pair in &mut pairs[..first] {
+                pair.seen =
+                    pair.body + Vector2::new(400.0 + 0.5 * random.normal(), 100.0 + 0.5 * random.normal());
+            }
+            search.find(&pairs, &ConsensusParams::default(), &mut random).unwrap();
+            assert!(search.agreeing().len() > 190, "{first} {trial}: {}", search.agreeing().len());
+        }
+    }
+}
+
 #[test]
 fn chance_and_lines_are_no_plane() {
     let (mut search, params) =
@@ -135,6 +153,25 @@ fn chance_and_lines_are_no_plane() {
         }
         assert_eq!(search.find(&line, &params, &mut random), None);
         assert!(search.agreeing().is_empty());
+    }
+}
+
+/// Parameters that nobody has checked, and numbers whose squares are beyond all bounds.
+#[test]
+fn odd_parameters_and_sizes_do_no_harm() {
+    let mut random = Random::new(14, Stream::Sim, 0, 0, 0);
+    let exact = noisy(20, 0, 0.0, &mut random);
+    let mut search = Consensus::default();
+    for (least_pairs, count) in [(0, 20), (0, 5), (0, 3), (usize::MAX, 20)] {
+        let params = ConsensusParams { least_pairs, ..ConsensusParams::default() };
+        let found = search.find(&exact[..count], &params, &mut random);
+        assert_eq!(found.is_some(), least_pairs == 0 && count > 3, "{least_pairs} {count}");
+    }
+    for size in [1e-200, 1e160, 1e300] {
+        let sized =
+            |p: &Pair<Point2<f64>>| Pair { body: p.body * size, seen: p.seen * size, deviation: size };
+        let huge: Vec<_> = exact.iter().map(sized).collect();
+        let _ = (fit(huge.iter()), search.find(&huge, &ConsensusParams::default(), &mut random));
     }
 }
 

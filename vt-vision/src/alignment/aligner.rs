@@ -44,7 +44,8 @@ where
     /// the size that the grey levels show. It knows nothing of errors that all points share (lens, shape, occluders).
     pub covariance: Square<P>,
     /// How alike template and picture are: correlation with the best line (SSD: its magnitude; ZNCC) or curve (SCV), at most 1; mutual
-    /// information in nats; normalised mutual information, 1 to 2.
+    /// information in nats; normalised mutual information, 1 to 2. This, `inside`, `inliers` and the covariance are those of where
+    /// the last step began.
     pub score: f64,
     /// Share of the points in the picture.
     pub inside: f64,

@@ -62,8 +62,8 @@ pub struct AlignmentParams {
     pub robust: Option<Robust>,
     /// Most steps on each level.
     pub iterations: u32,
-    /// A step that moves no corner farther than this many pixels is the last one on the finest level; ten times as many of their own
-    /// pixels on the coarse ones.
+    /// A step that moves no corner farther than this many pixels of the level is the last one on the finest level; ten times as many
+    /// on the coarser ones.
     pub tolerance: f64,
     /// Least share of the points that must be in the picture.
     pub least_inside: f64,

@@ -122,7 +122,7 @@ where
         &self.params
     }
 
-    /// Corners in the plane of the model, in order around it.
+    /// Corners in the plane of the model, in its units, in order around it.
     pub fn corners(&self) -> [Point2<f64>; 4] {
         self.corners
     }
@@ -133,7 +133,7 @@ where
     }
 }
 
-/// A chosen point: its cell, place, grey level and gradient along its coordinates, and its place in pixels of the level.
+/// A chosen point: its place, the same in pixels of the level, grey level, and gradient along the coordinates of the place.
 #[derive(Clone, Copy, Debug)]
 struct Chosen {
     place: Point2<f64>,
@@ -155,7 +155,8 @@ impl Level {
         let pixels = magnification(matrix);
         let inner = half.map(|h| h - (BORDER / pixels).min(LARGEST_BORDER * h));
         let side = (4.0 * inner[0] * inner[1] / params.points as f64).sqrt().max(1.0 / pixels);
-        let cells = inner.map(|h| ((2.0 * h / side).round() as usize).max(1));
+        // A narrow strip has one row of cells, however many squares would fit along it.
+        let cells = inner.map(|h| ((2.0 * h / side).round() as usize).clamp(1, params.points));
         let tries = ((side * pixels) as usize).clamp(1, 3);
         let mut grid: Vec<Option<Chosen>> = vec![None; cells[0] * cells[1]];
         for (n, cell) in grid.iter_mut().enumerate() {

@@ -71,6 +71,18 @@ fn parameters_are_checked() {
     assert!(size.to_string().contains("`size`"), "{size}");
 }
 
+/// A model whose one side is as nothing beside the other has as many points as its picture allows, not as its sides.
+#[test]
+fn sides_of_very_unlike_units_have_no_more_points() {
+    for thin in [1e-6, 1e-12, 1e-100] {
+        let size = [SIZE[0], SIZE[1] * thin];
+        let pose = Affine2 { matrix: Matrix3::new(1.0, 0.0, 79.3, 0.0, 1.0 / thin, 59.6, 0.0, 0.0, 1.0) };
+        let made = Template::new(AlignmentParams::default(), &picture(), size, &pose);
+        let points = made.map_or(0, |t| t.points().max().unwrap_or(0));
+        assert!(points <= 3 * AlignmentParams::default().points, "{points}");
+    }
+}
+
 #[test]
 fn pictures_without_the_template_are_refused() {
     let template = template(&picture(), &upright()).expect("a template");
