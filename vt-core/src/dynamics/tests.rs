@@ -1,6 +1,6 @@
 //! Closed forms, composition of steps, locked coordinates, models of users.
 
-use nalgebra::{DVector, Matrix2, Matrix3, SMatrix, Vector1, Vector6};
+use nalgebra::{DVector, Matrix2, Matrix3, SMatrix, SVector, Vector1, Vector6};
 
 use super::*;
 use crate::agent::Dynamics;
@@ -296,6 +296,12 @@ fn roots_of_singular_matrices_lose_no_digits() {
         let l = pivoted_root(&m);
         assert!((l * l.transpose() - m).amax() < 1e-13 * m.amax());
         assert_eq!(l.column_iter().filter(|c| c.amax() > 0.0).count(), 7);
+        // `L⁺ (L y)` is `y` where `L` has columns.
+        let factor = PivotedFactor::new(&m);
+        let y =
+            SVector::<f64, 12>::from_fn(|k, _| if l.column(k).amax() > 0.0 { random.normal() } else { 0.0 });
+        assert_eq!(factor.rank, 7);
+        assert!((factor.root * factor.solve(&(l * y)) - l * y).amax() < 1e-10 * (l * y).amax());
         // The triangular root keeps its form, not its digits.
         let l = semidefinite_root(&m);
         assert!(

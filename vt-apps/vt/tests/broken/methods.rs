@@ -256,6 +256,18 @@ fn wrong_parameters() {
             "kind = \"constant-velocity\", params = { translation = \"20 mm/s^0.5\" }",
             &["task.toml:14", "expected a diffusion of velocity"],
         ),
+        task(
+            "a good step that speaks for a loss",
+            "kind = \"fused\"",
+            "kind = \"fused\", params = { least = 1.0 }",
+            &["task.toml:22", "expected a negative number"],
+        ),
+        task(
+            "doubt beyond certainty",
+            "kind = \"fused\"",
+            "kind = \"fused\", params = { doubt = 1.5 }",
+            &["task.toml:22", "expected a probability"],
+        ),
         task("range of a search", SIGMA, "range = [\"9 px\", \"3 px\"]", &["task.toml:20", "ascending"]),
         task("sites without number", SIGMA, "max_sites = 0", &["task.toml:20", "at least 1 site"]),
         task(
